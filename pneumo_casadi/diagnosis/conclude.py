@@ -16,6 +16,12 @@ from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
 
+#: Note on an effect that only simulations have found.
+SHOWN_BY_SIMULATION = (
+    "the balances, of the motion that was measured, show no gap: simulations alone have found the "
+    "effect, and its sizes are those of output error"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Conclusion:
@@ -53,7 +59,8 @@ def conclude(
         effects, selection.final, study.axis.outputs, catalogue, study.criteria
     )
     decision = decide_verdict(selection, checks, known, surpassed=bool(doubt))
-    first = Conclusion(effects, checks, decision, notes=(doubt,) if doubt else ())
+    found_by = SHOWN_BY_SIMULATION if selection.by_simulation else ""
+    first = Conclusion(effects, checks, decision, notes=tuple(filter(None, (doubt, found_by))))
     given = study, selection, effects, catalogue, executor
     if decision.judgement.verdict in NAMING:
         rival = find_rival_term(*given)

@@ -67,8 +67,9 @@ class Effect:
     separated_by : str
         The experiment that distinguishes it from these.
     generalises : str
-        Name of a form of the same cause that it contains, with one size for what differs here, as
-        from one valve to the other. It is tried where it promises more than that form.
+        Name of the form of the same cause that this one contains as a special case, such as both
+        valves alike where each has a size of its own here. A diagnosis tries this form only where
+        it promises more than the one it contains.
     passive : bool
         Whether it only takes energy from the motion, or gives back what it has stored.
     credible : mapping of str to (float, float)

@@ -155,8 +155,8 @@ FORMS = (
     _form(
         PRESSURE_SENSOR_LAG,
         "uneven",
-        "τ ẏ + y = p, τ of chamber N a fifth",
+        "τ ẏ + y = p, τ of chamber N a half",
         first_order=1.0,
-        at_N=0.2,
+        at_N=0.5,
     ),
 )

@@ -132,21 +132,33 @@ def test_a_form_that_contains_another_one_must_promise_more_than_that(explained,
         ({"presliding_dahl": 0.02}, 8.0, ["presliding_dahl", "stribeck_rational"]),
         # A spool that sticks is not felt where it sticks little: its cause's usual form tells.
         ({"valve_hysteresis": 0.02}, 8.0, ["valve_stiction", "stribeck_rational"]),
+        # It must promise more than the form that it contains, though that one is offered already.
+        ({"valve_dead_zone": 0.3, "valve_dead_zone_per_valve": 0.3}, 8.0, ["stribeck_rational"]),
+        (
+            {"valve_dead_zone": 0.3, "valve_dead_zone_per_valve": 0.4},
+            8.0,
+            ["stribeck_rational", "valve_dead_zone_per_valve"],
+        ),
         ({"presliding_dahl": 0.02}, 2.0, ["stribeck_rational"]),
     ],
-    ids=["nothing", "a form", "its usual form", "not too much is left"],
+    ids=["nothing", "a form", "its usual form", "as much", "more", "not too much is left"],
 )
 def test_forms_of_causes_that_a_model_lacks_are_tried_where_they_promise_something(
     monkeypatch, explained, left, tried
 ):
     monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
     names = ("stribeck", "stribeck_rational", "presliding", "presliding_dahl")
-    valve = ("valve_hysteresis", "valve_stiction")
+    valve = ("valve_dead_zone", "valve_dead_zone_per_valve", "valve_hysteresis", "valve_stiction")
     ledger = FitLedger(
         SimpleNamespace(criteria=CRITERIA), {name: EFFECTS[name] for name in (*names, *valve)}
     )
     ledger.directions.update(dict.fromkeys(ledger.catalogue, ()))
-    ledger.left_out = {"stribeck_rational", "presliding_dahl", "valve_stiction"}
+    ledger.left_out = {
+        "stribeck_rational",
+        "presliding_dahl",
+        "valve_dead_zone_per_valve",
+        "valve_stiction",
+    }
     known = ("stribeck",)
     ledger.fits[known] = leaving(left)
     monkeypatch.setattr(stage, "background", lambda *given: None)

@@ -12,7 +12,7 @@ from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.select import (
-    complete_by_simulation,
+    by_simulation,
     hidden_motion,
     refined_trials,
 )
@@ -132,29 +132,6 @@ def test_an_effect_that_only_led_out_of_a_local_minimum_is_not_needed(monkeypatc
     assert worker.trials[known][1] == again
 
 
-@pytest.mark.parametrize(
-    ("shares", "shown", "expected"),
-    [
-        ({"presliding": 0.43, "stribeck": 0.98}, True, ("presliding",)),
-        ({"presliding": 0.43, "stribeck": 0.98}, False, None),  # simulations show no gap either
-        ({"presliding": 0.7, "stribeck": 0.98}, True, None),  # none explains it
-    ],
-)
-def test_what_simulations_alone_show_is_explained_by_them(monkeypatch, shares, shown, expected):
-    worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
-    worker.fits = {(name,): SimpleFit((name,), {}) for name in shares}
-    worker.simulations = SimpleNamespace(
-        shows_gap=lambda nominal, visible: shown,
-        share=lambda nominal, fitted, effects: shares[fitted.effects[0]],
-    )
-    monkeypatch.setattr(worker, "begin_simulations", lambda fits: None)
-    refined = []
-    monkeypatch.setattr(hidden_motion, "refine_again", lambda *given: refined.append(given[-1]))
-    by = BalanceLevels(np.ones(3), np.ones(3))
-    assert hidden_motion.find_in_simulation(worker, None, by) == expected
-    assert refined == list(worker.output_error_fits) == ([] if expected is None else [expected])
-
-
 PLAY, BOTH = ("backlash",), ("backlash", "valve_null_shift")
 
 
@@ -214,23 +191,23 @@ def test_weak_effects_beside_a_play_are_judged_together(
         assert useful((*PLAY, "stribeck")) and not useful(("stribeck",))
         return asked
 
-    monkeypatch.setattr(complete_by_simulation, "find_acting", find_acting)
-    monkeypatch.setattr(complete_by_simulation, "beside", lambda *given: None)
+    monkeypatch.setattr(by_simulation, "find_acting", find_acting)
+    monkeypatch.setattr(by_simulation, "beside", lambda *given: None)
     monkeypatch.setattr(
-        complete_by_simulation,
+        by_simulation,
         "refine_all",
         lambda ledger, nominal, starts: ledger.trials.update({BOTH: (refined, after)}),
     )
     levels = SimpleNamespace(criteria=CRITERIA)
-    done = complete_by_simulation.complete_by_simulation(simulated, None, PLAY, levels)
+    done = by_simulation.complete_by_simulation(simulated, None, PLAY, levels)
     assert done == Completed(BOTH if taken else PLAY, PLAY)
     assert (simulated.output_error_fits.get(BOTH) is refined) is taken
 
 
 def test_what_explains_the_gap_alone_is_not_completed(simulated, monkeypatch):
     simulated.gap_left[PLAY] = 0.3
-    monkeypatch.delattr(complete_by_simulation, "find_acting")
-    done = complete_by_simulation.complete_by_simulation(
+    monkeypatch.delattr(by_simulation, "find_acting")
+    done = by_simulation.complete_by_simulation(
         simulated, None, PLAY, SimpleNamespace(criteria=CRITERIA)
     )
     assert done == Completed(PLAY, PLAY)

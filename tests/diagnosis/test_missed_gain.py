@@ -36,6 +36,17 @@ def test_where_simulations_alone_show_the_gap_what_closes_nothing_there_is_no_ri
     same = leaving(1.0, -10.0)  # the balances show nothing
     fits, trials = {best: same, other: same}, {best: 0.2, other: 0.99}
     chosen = Selection(
-        leaving(1.0), fits, (), {}, (best,), LEVELS, {best: same}, {best: 0.2}, trials, None
+        leaving(1.0),
+        fits,
+        (),
+        {},
+        (best,),
+        LEVELS,
+        {best: same},
+        {best: 0.2},
+        trials,
+        None,
+        by_simulation=True,
     )
     assert missed_gain(chosen, best, other) == pytest.approx(1 - 0.01 / 0.8)
+    assert missed_gain(chosen, best, ("stribeck",)) == 1.0  # it was not worth a refinement

@@ -20,6 +20,7 @@ from pneumo_casadi.virtual_bench import (
     weak_effects,
 )
 from pneumo_casadi.virtual_bench.catalogue import FEWEST_WEAK, MOST_WEAK, WEAK, WEAK_SCATTER
+from pneumo_casadi.virtual_bench.effect import SHORTEST, longest_step
 from pneumo_casadi.virtual_bench.kernels import layout
 
 FURTHER = [name for name in ALL_FORMS if name not in FORMS]
@@ -134,3 +135,11 @@ def test_walls_that_warm_take_the_heat_and_give_it_back(axis, drive):
     assert 0.01 < np.abs(run.states[:, layout.WALL_P]).max() < 60.0
     usual = simulate_axis(axis, drive, effects_for(axis, {"heat_transfer": "large"}))
     assert not usual.states[:, [layout.WALL_P, layout.WALL_N]].any()
+
+
+def test_no_weak_effect_is_too_fast_for_the_bench(axis):
+    fast = [name for name, form in ALL_FORMS.items() if form.time_constant and form.strength]
+    assert "pressure_sensor_lag_uneven" in fast
+    for name in fast:
+        for seed in range(40):
+            assert longest_step(weak_effects(axis, [name], seed)) >= SHORTEST

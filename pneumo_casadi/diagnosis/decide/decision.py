@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
 from pneumo_casadi.diagnosis.decide.judgement import Judgement, doubted, judge
 from pneumo_casadi.diagnosis.metrics.findings import Check
@@ -84,7 +85,10 @@ def decide_verdict(
     """
     named = tuple(catalogue[name]() for name in selection.named)
     judgement = judge(selection, named, surpassed)
-    verdict, absorbed = review_verdict(judgement, checks, catalogue)
+    if selection.by_simulation and judgement.verdict in NAMING:  # the balances were clean before
+        verdict, absorbed = judgement.verdict, absorbed_candidates(checks, catalogue)
+    else:
+        verdict, absorbed = review_verdict(judgement, checks, catalogue)
     if verdict in NAMING:  # of those fitted, and of other forms of those named, the model tells
         causes = causes_of(selection.named, catalogue)
         absorbed = tuple(

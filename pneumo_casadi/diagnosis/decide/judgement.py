@@ -182,13 +182,12 @@ def _acts_in(effect: Effect, force: bool) -> bool:
 def decided_by_simulation(selection: Selection) -> bool:
     """Return whether simulations tell what is left, since balances tell little of the motion.
 
-    Or since they show no gap at all.
+    Or since the balances have shown no gap.
     """
-    levels, simulated = selection.levels, selection.gap_left.get(selection.chosen, 1.0)
+    simulated = selection.gap_left.get(selection.chosen, 1.0)
     refined = selection.chosen in selection.output_error_fits
-    shown = levels.exceeded(residual_rms(selection.nominal), levels.criteria.visible)
-    return simulated < levels.criteria.simulated or (
-        refined and (len(selection.chosen) > 1 or not np.any(shown))
+    return simulated < selection.levels.criteria.simulated or (
+        refined and (len(selection.chosen) > 1 or selection.by_simulation)
     )
 
 
@@ -215,14 +214,12 @@ def _trust(left: float, selection: Selection) -> float:
 
     Of 134 causes named on the virtual bench, 98 % were right if no balance kept more than filters
     and noise leave, 95 % if less than a twentieth of the gap was left, 72 % if more was left.
-    Balances that were clean before say nothing.
+    Of an effect found by simulation alone, the balances say nothing.
     """
     levels = selection.levels
-    before, after = (
-        np.any(levels.exceeded(residual_rms(fit), levels.criteria.clean))
-        for fit in (selection.nominal, selection.final)
-    )
-    return float(np.clip(0.97 - (1.5 * left if after or not before else 0.0), 0.75, 0.97))
+    unclean = np.any(levels.exceeded(residual_rms(selection.final), levels.criteria.clean))
+    doubt = 1.5 * left if unclean or selection.by_simulation else 0.0
+    return float(np.clip(0.97 - doubt, 0.75, 0.97))
 
 
 def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, float]:
@@ -261,8 +258,7 @@ def missed_gain(selection: Selection, best: Names, other: Names) -> float:
     """
     if other == best:
         return 0.0
-    several = len(best) > 1 or other in selection.trials
-    if several and best in selection.output_error_fits:
+    if selection.by_simulation or (len(best) > 1 and best in selection.output_error_fits):
         return _missed_simulated_gain(selection, best, other)
     common = tuple(name for name in best if name in other)
     base = _fit_of_common(selection, common)

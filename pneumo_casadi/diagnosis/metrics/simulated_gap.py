@@ -128,17 +128,17 @@ class Simulations:
         before, after = self.windows(nominal, (), window), self.windows(fitted, effects, window)
         if isinstance(before, str) or isinstance(after, str):
             return False
-        return _overall_gap(before, self._floor) > 0
+        return _overall_gap(before, self.floor) > 0
 
     def shows_gap(self, nominal: FittedModel, visible: float) -> bool:
         """Return whether the windows of the nominal model show a gap, beside the noise [floors]."""
-        before, floor = self.windows(nominal, ()), self._floor
+        before, floor = self.windows(nominal, ()), self.floor
         if isinstance(before, str):
             return False
         return _overall_gap(before, floor) > visible * combined_gap(floor)
 
     @property
-    def _floor(self) -> FloatArray:
+    def floor(self) -> FloatArray:
         """What the noise of each output leaves [%]."""
         return np.array(list(_noise_percent(self.study).values()))
 
@@ -153,11 +153,20 @@ class Simulations:
 
         1 if it cannot be simulated, or where there is no gap to be closed.
         """
-        floor = self._floor
+        floor = self.floor
         before, after = self.windows(nominal, (), window), self.windows(fitted, effects, window)
         if isinstance(before, str) or isinstance(after, str):
             return 1.0
         return 1.0 - closure(_overall_gap(before, floor), _overall_gap(after, floor))
+
+    def closure(
+        self, nominal: FittedModel, fitted: FittedModel, effects: Sequence[Effect]
+    ) -> Closure:
+        """Return the share of the windows' gap that a fit closes, with its interval."""
+        before, after = self.windows(nominal, ()), self.windows(fitted, effects)
+        if isinstance(before, str) or isinstance(after, str):
+            return Closure(0.0, 0.0, 0.0)
+        return _closure(before, after, self.floor)
 
 
 def simulated_gap(
@@ -167,7 +176,7 @@ def simulated_gap(
     effects: Sequence[Effect],
     levels: BalanceLevels,
 ) -> tuple[Gap, tuple[str, ...]]:
-    """Return the gap before and after, and notes on what could not be simulated.
+    """Return the gap before and after, and notes on what it does not tell.
 
     Parameters
     ----------
@@ -202,7 +211,7 @@ def simulated_gap(
         balances = balance_closure(nominal, final, levels)
         balance_gap = Gap(sizes["before"], sizes["after"], sizes["noise"], balances, views)
         return balance_gap, (*notes, "the gap is that of the balances")
-    floor = np.array(list(noise.values()))
+    floor = done.floor
     closed = _closure(before, after, floor)
     gaps = _overall_gap(before, floor), _overall_gap(after, floor)
     if closed.upper < 0:
@@ -214,8 +223,7 @@ def simulated_gap(
     if final is nominal and clean and done.shows_gap(nominal, levels.criteria.visible):
         notes.append(
             f"the balances show no gap, but simulations of held-out records are {gaps[0]:.2g} % of "
-            "the motion off: where the axis sticks, little may decide when it breaks away; record "
-            "slow reversals"
+            "the motion off, and no effect alone explains that"
         )
     return Gap(*gaps, combined_gap(floor), closed, views), tuple(notes)
 
@@ -257,7 +265,7 @@ def gap_with_term(
         }
         for view, outputs in gap.views.items()
     }
-    overall = _overall_gap(squares, np.array(list(noise.values())))
+    overall = _overall_gap(squares, done.floor)
     return replace(gap, views=views, with_term=overall)
 
 

@@ -38,9 +38,12 @@ def only_corrects_map(
     the shape is asked.
     """
     beyond = levels.exceeded(residual_rms(before), levels.criteria.coarsest_map)
-    return not np.any(beyond[:-1]) and all(  # the force has no map
-        effect.metered or (not beside and _is_static_spool(effect)) for effect in added
-    )
+    return not np.any(beyond[:-1]) and corrects_map(added, beside)  # the force has no map
+
+
+def corrects_map(added: Sequence[Effect], beside: bool = False) -> bool:
+    """Return whether all effects belong to the flow map, or alone look as if they did."""
+    return all(effect.metered or (not beside and _is_static_spool(effect)) for effect in added)
 
 
 def _is_static_spool(effect: Effect) -> bool:

@@ -72,10 +72,11 @@ class FitLedger:
     left_out : set of str
         Effects of the catalogue that no further model has.
     trials : dict of tuple of str to (FittedModel, float)
-        Models tried in simulation, most refined by output error, and the share of the simulated gap
-        that they leave.
+        Models refined by output error, and the share of the simulated gap that they leave.
     begun_fits, begun_refinements : BegunJobs
         Fits, and refinements by output error, for which nobody has asked yet.
+    by_simulation : bool
+        Whether simulations alone show the gap that an effect was found by; see `Selection`.
     reduced : dict of tuple of str to FittedModel
         Models from which an effect was taken, where they are not credible; see `fit_without`.
     """
@@ -93,6 +94,7 @@ class FitLedger:
     begun_fits: BegunJobs = field(default_factory=BegunJobs)
     begun_refinements: BegunJobs = field(default_factory=BegunJobs)
     left_out: set[str] = field(default_factory=set)
+    by_simulation: bool = False
     reduced: dict[Names, FittedModel] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -295,9 +297,10 @@ class FitLedger:
         self.output_error_fits[names], self.gap_left[names] = self.trials[names]
 
     def leave_out(self, name: str) -> None:
-        """Take an effect out of what is offered, and its fit alone out of the fits."""
+        """Take an effect out of what is offered, and its fits alone out of what is known."""
         self.left_out.add(name)
         self.fits.pop((name,), None)
+        self.trials.pop((name,), None)
         self.failures.pop((name,), None)
 
     def refine(self, names: Names) -> None:

@@ -39,7 +39,8 @@ def causes_of(names: Iterable[str], catalogue: Catalogue) -> Names:
 def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> list[str]:
     """Return the effects to fit alone; of further forms of a cause only what promises something.
 
-    The usual forms are all fitted, and those whose start is scanned: the screen sees one resonance.
+    The usual forms are all fitted, and those whose start is scanned, unless they contain another
+    one: the screen sees one resonance.
     Those with stairs take long, and wait for what the others leave; see `fit_waiting_forms`.
     """
     return [name for name in screened if _fitted_at_once(ledger, name, screened)]
@@ -59,10 +60,14 @@ def _promises(ledger: FitLedger, name: str, screened: Mapping[str, ScreenResult]
     result, made = screened.get(name), ledger.catalogue[name]
     if result is None or not result.felt:
         return True
-    contained = screened.get(getattr(made, "generalises", ""))
+    contained = screened.get(_contained(ledger, name))
     if contained is not None:
         return result.explained >= contained.explained + PROMISE
     return bool(getattr(made, "scanned", {})) or result.explained >= PROMISE
+
+
+def _contained(ledger: FitLedger, name: str) -> str:
+    return str(getattr(ledger.catalogue[name], "generalises", ""))
 
 
 def _has_stairs(ledger: FitLedger, name: str) -> bool:
@@ -131,11 +136,21 @@ def keep_best_forms(
             key=lambda name: gain_on_all_records(nominal, fitted[name]) - gain * (name != cause),
         )
         fits[cause] = fitted
-        _offer_alone(ledger, best)
+        stand_for_cause(ledger, best)
     return fits
 
 
-def _offer_alone(ledger: FitLedger, form: str) -> None:
+def other_forms_of(ledger: FitLedger, name: str) -> list[str]:
+    """Return the forms of an effect's cause that were left out, but for those with stairs."""
+    cause = cause_of(name, ledger.catalogue)
+    return [
+        form
+        for form in sorted(ledger.left_out)
+        if cause_of(form, ledger.catalogue) == cause and not _has_stairs(ledger, form)
+    ]
+
+
+def stand_for_cause(ledger: FitLedger, form: str) -> None:
     """Offer a form of a cause, and no other one of it to any further model."""
     cause = cause_of(form, ledger.catalogue)
     for name in ledger.catalogue:
@@ -192,7 +207,7 @@ def with_other_form(
             del ledger.fits[key]
     if best != known:
         for form in set(best) - set(known):
-            _offer_alone(ledger, form)
+            stand_for_cause(ledger, form)
         if len(best) == len(known):  # of a model of one effect, that has been done
             ledger.fits.pop(known, None)
         ledger.refine(best)
@@ -219,5 +234,6 @@ def _forms_to_try(
         if form not in own
     }
     behind = background(ledger.study, nominal, ledger.fits[known], ledger.effects(known))
-    promised = ledger.screen(behind, set(screened.values()) & set(ledger.directions))
+    wanted = {*screened.values(), *(_contained(ledger, form) for form in screened)}
+    promised = ledger.screen(behind, wanted & set(ledger.directions))
     return [form for form in ordered if form in own or _promises(ledger, screened[form], promised)]

@@ -25,8 +25,8 @@ from pneumo_casadi.diagnosis.screen.background import background
 from pneumo_casadi.diagnosis.screen.directions import Direction
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter, only_corrects_map
+from pneumo_casadi.diagnosis.select.by_simulation import complete_by_simulation, find_in_simulation
 from pneumo_casadi.diagnosis.select.complete import Completed, complete
-from pneumo_casadi.diagnosis.select.complete_by_simulation import complete_by_simulation
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import (
@@ -39,7 +39,6 @@ from pneumo_casadi.diagnosis.select.hidden_motion import (
     closes_in_simulation,
     extend_by_simulation,
     find_hiding_extension,
-    find_in_simulation,
     motion_is_hidden,
 )
 from pneumo_casadi.diagnosis.select.propose import fit_alone, fit_extensions
@@ -78,8 +77,7 @@ class Selection:
     gap_left : mapping of tuple of str to float
         Share of the simulated gap left by those, and by a final model that balances tell little of.
     trials : mapping of tuple of str to float
-        Share of the simulated gap left by every model that was tried in simulation, most of them
-        refined by output error.
+        Share of the simulated gap left by every model that output error has refined.
     simulations : Simulations
         Of the held-out records, those already done.
     forms : mapping of str to mapping of str to FittedModel
@@ -90,6 +88,8 @@ class Selection:
         The final model; by default the last of the path, of which all effects are named.
     directions : mapping of str to tuple of Direction
         The perturbations by each effect that further models may have.
+    by_simulation : bool
+        Whether the balances show no gap, and simulations alone have found the effect.
     """
 
     nominal: FittedModel
@@ -106,6 +106,7 @@ class Selection:
     contributions: Mapping[str, float] = field(default_factory=dict)
     completed: Completed | None = None
     directions: Mapping[str, tuple[Direction, ...]] = field(default_factory=dict)
+    by_simulation: bool = False
 
     @property
     def accepted(self) -> Names:
@@ -202,6 +203,7 @@ def select_effects(
         shares,
         completed,
         ledger.offered,
+        ledger.by_simulation,
     )
 
 

@@ -77,30 +77,6 @@ def find_hiding_extension(
     return best
 
 
-def find_in_simulation(
-    ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels
-) -> Names | None:
-    """Return the effect that explains a gap which simulations alone show, if there is one.
-
-    Bristles hold a piston where Coulomb friction lets it break away: within half a second a
-    simulation is far off, and the balances, of the motion that was measured, show next to nothing.
-    Every effect alone is simulated as the balances have it; the best one is refined.
-    """
-    if not ledger.simulations.shows_gap(nominal, levels.criteria.visible):
-        return None
-    fits = ledger.extensions(())
-    ledger.begin_simulations(fits)
-    for names, fitted in fits.items():
-        share = ledger.simulations.share(nominal, fitted, ledger.effects(names))
-        ledger.trials.setdefault(names, (fitted, share))
-    best = min(fits, key=lambda names: ledger.trials[names][1], default=None)
-    if best is None or ledger.trials[best][1] > levels.criteria.unexplained:
-        return None
-    refine_again(ledger, nominal, best)
-    ledger.take(best)
-    return best
-
-
 def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) -> bool:
     """Tell whether a model that hides the motion closes the gap once it is simulated."""
     if not motion_is_hidden(ledger.effects(names), ledger.fits[names]):

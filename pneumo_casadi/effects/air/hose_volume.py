@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 import casadi as ca
 
 from pneumo_casadi.effects.common.hose_volume_line import (
+    CONDUCTANCE,
     CREDIBLE,
-    ELL,
+    LAMINAR,
     PARAMETERS,
     SOURCE,
-    C,
-    V,
+    VOLUME,
     hose_capacity,
     hose_flow,
     hose_share,
@@ -78,7 +78,7 @@ class HoseVolume(Effect):
 class HoseVolumePerChamber(HoseVolume):
     """Volume at each valve, V_P and V_N: the valves sit nearer to one end of the cylinder.
 
-    The restrictions, of fittings and bore, are alike. A valve without a hose has none.
+    The restrictions, of fittings and bore, are alike. One of the two hoses may be missing.
     """
 
     name = "hose_volume_per_chamber"
@@ -87,11 +87,11 @@ class HoseVolumePerChamber(HoseVolume):
     generalises = "hose_volume"
     parameters = (
         *(
-            replace(V, name=f"V_{c}", description=f"volume of the hose to chamber {c}")
+            replace(VOLUME, name=f"V_{c}", description=f"volume of the hose to chamber {c}")
             for c in "PN"
         ),
-        C,
-        ELL,
+        CONDUCTANCE,
+        LAMINAR,
     )
     credible = MappingProxyType({})  # a hose may be missing
 

@@ -17,7 +17,7 @@ V_REGULAR = 3e-6
 #: A smaller volume is a blend of two axes, and none that could be built.
 CREDIBLE = MappingProxyType({"V": (V_REGULAR, 1e-3)})
 SOURCE = "mass balance of a volume at one temperature; ISO 6358-1:2013 for hose and fittings"
-V = Parameter(
+VOLUME = Parameter(
     "V",
     0.0,
     "m³",
@@ -29,7 +29,7 @@ V = Parameter(
     description="volume between valve and restriction",
     source="28 ml a metre of 6 mm bore, 50 ml of 8 mm",
 )
-C = Parameter(
+CONDUCTANCE = Parameter(
     "C",
     6e-9,
     "m³/(s Pa)",
@@ -41,7 +41,7 @@ C = Parameter(
     description="sonic conductance of hose and fittings",
     source="ISO 6358-3 for hoses of 4 to 8 mm, 1 to 5 m: 2e-9 to 3e-8 m³/(s Pa)",
 )
-ELL = Parameter(
+LAMINAR = Parameter(
     "ell",
     2e-3,
     "1",
@@ -53,7 +53,7 @@ ELL = Parameter(
     description="share of the pressure lost up to which the flow is laminar",
     source="Reynolds numbers of some thousand: 0.1 % (fittings) to several % (long thin hoses)",
 )
-PARAMETERS = (V, C, ELL)
+PARAMETERS = (VOLUME, CONDUCTANCE, LAMINAR)
 
 
 def hose_share(V: Expression) -> Expression:

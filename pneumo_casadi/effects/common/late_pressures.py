@@ -8,7 +8,7 @@ from pneumo_casadi.parameters import Parameter
 
 
 class LatePressures:
-    """Both pressure sensors are late by τ, however the air moves in their tubes."""
+    """The pressure sensors are late, however the air moves in their tubes."""
 
     sensors: ClassVar[tuple[str, ...]] = ("p_P", "p_N")
     sensor_delays: ClassVar[tuple[str, ...]] = ("tau",)

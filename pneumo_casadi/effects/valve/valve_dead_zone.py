@@ -62,7 +62,7 @@ class ValveDeadZone(Effect):
 
 
 class ValveDeadZonePerValve(ValveDeadZone):
-    """Overlap of both edges of each valve of its own: one valve is worn, or of another maker."""
+    """Overlap that differs from one valve to the other: one is worn, or of another maker."""
 
     name = "valve_dead_zone_per_valve"
     cause = "valve_dead_zone"

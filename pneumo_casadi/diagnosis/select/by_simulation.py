@@ -1,0 +1,90 @@
+"""What simulations alone show: an effect without a gap of the balances, weak ones beside a play.
+
+Bristles hold a piston where Coulomb friction lets it break away: within half a second a simulation
+is far off, and the balances, of the motion that was measured, show next to nothing.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.select.acceptance import corrects_map
+from pneumo_casadi.diagnosis.select.complete import Completed, find_acting
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
+from pneumo_casadi.diagnosis.select.forms import other_forms_of, stand_for_cause
+from pneumo_casadi.diagnosis.select.hidden_motion import TRIED, beside
+from pneumo_casadi.diagnosis.select.refined_trials import refine_all
+
+
+def find_in_simulation(
+    ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels
+) -> Names | None:
+    """Return the effect that explains a gap which simulations alone show, if there is one.
+
+    Every effect is simulated as fitted alone. The few that close enough of the gap are refined by
+    output error, with the other forms of the best one's cause, of which the balances tell nothing.
+    The best of these must leave half of the gap at most, and surely close what a further effect
+    must. What corrects a flow map is left out: a refinement holds the map.
+    """
+    criteria, simulations = levels.criteria, ledger.simulations
+    if np.any(levels.exceeded(residual_rms(nominal), criteria.visible)):
+        return None
+    if not simulations.shows_gap(nominal, criteria.visible):
+        return None
+    left = _left_alone(ledger, nominal, ledger.extensions(()))
+    if left and min(left.values()) <= criteria.closed:
+        (best,) = min(left, key=left.__getitem__)
+        others = other_forms_of(ledger, best)
+        forms: dict[Names, Start] = {(name,): Start(nominal.values) for name in others}
+        ledger.fit_all(forms)
+        left |= _left_alone(ledger, nominal, {k: ledger.fits[k] for k in forms if k in ledger.fits})
+    near = sorted((names for names in left if left[names] <= criteria.closed), key=left.__getitem__)
+    refine_all(ledger, nominal, {names: ledger.fits[names] for names in near[:TRIED]})
+    refined = {names: ledger.trials[names][1] for names in near[:TRIED]}
+    chosen = min(refined, key=refined.__getitem__, default=None)
+    if chosen is None or refined[chosen] > criteria.unexplained:
+        return None
+    closed = simulations.closure(nominal, ledger.trials[chosen][0], ledger.effects(chosen))
+    if closed.lower < 1.0 - criteria.closed:
+        return None
+    stand_for_cause(ledger, *chosen)
+    ledger.take(chosen)
+    ledger.by_simulation = True
+    return chosen
+
+
+def _left_alone(
+    ledger: FitLedger, nominal: FittedModel, fits: Mapping[Names, FittedModel]
+) -> dict[Names, float]:
+    """Return the share of the simulated gap that each effect leaves, as fitted alone."""
+    fits = {names: fit for names, fit in fits.items() if not corrects_map(ledger.effects(names))}
+    ledger.begin_simulations(fits)
+    return {
+        names: ledger.simulations.share(nominal, fit, ledger.effects(names))
+        for names, fit in fits.items()
+    }
+
+
+def complete_by_simulation(
+    ledger: FitLedger, nominal: FittedModel, final: Names, levels: BalanceLevels
+) -> Completed:
+    """Return a final model that hides the motion with weak effects, if these close the gap.
+
+    Where several weak effects act, none alone closes enough of the gap to be told from chance. What
+    the balances ask for all together is refined by output error: it is taken if simulations then
+    are explained. The balances are no judge of each of them, so none is named.
+    """
+    criteria, left = levels.criteria, ledger.gap_left[final]
+    if left < criteria.simulated:
+        return Completed(final, final)
+    acting = find_acting(ledger, nominal, final, levels, set(final).issubset)
+    if not set(final) < set(acting):
+        return Completed(final, final)
+    added = tuple(name for name in acting if name not in final)
+    refine_all(ledger, nominal, {acting: beside(ledger, nominal, final, added)})
+    if ledger.trials[acting][1] > min(criteria.simulated, criteria.closed * left):
+        return Completed(final, final)
+    ledger.take(acting)
+    return Completed(acting, final)
