@@ -92,6 +92,8 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
         "peers",
         "withheld_forms",
         "withheld_later",
+        "withheld_24",
+        "withheld_25",
         "withheld_newest",
     ),
 }

@@ -58,7 +58,7 @@ def named_alone(*checks: Mapping[str, Any]) -> str:
     hits, of = counted(checks, "visible", "right_first")
     return (
         f"Of {of} hidden effects large enough to be seen in the record, {hits} "
-        "were named, and nothing else with them (the last three sealed checks, "
+        f"were named, and nothing else with them (the last {len(checks)} sealed checks, "
         f"`python benchmarks/withheld.py --cases {checks[-1]['cases']}`)"
     )
 

@@ -30,7 +30,7 @@ def concluded(monkeypatch):
             conclude, "discover_beside", lambda *given: asked.append("term") or "a term"
         )
         study = SimpleNamespace(axis=SimpleNamespace(outputs=()), criteria=CRITERIA)
-        selection = SimpleNamespace(chosen=("hose",), final=None)
+        selection = SimpleNamespace(chosen=("hose",), final=None, by_simulation=False)
         conclusion = conclude.conclude(study, selection, {"hose": SimpleNamespace}, None)
         assert conclusion.checks == ("a check",) and len(conclusion.effects) == 1
         return conclusion.decision.verdict, conclusion.discovery, asked

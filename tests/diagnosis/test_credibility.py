@@ -45,6 +45,18 @@ def test_a_delay_of_the_command_below_the_sampling_interval_is_that_of_the_log(t
         require_credible(study, effects, fitted)
 
 
+def test_one_valve_may_be_too_fast_to_be_told_from_none_if_the_other_is_slow():
+    study = SimpleNamespace(sampling_interval=1e-3, anchor=None, anchor_with=lambda effects: None)
+    effects, name = (EFFECTS["valve_dynamics_per_valve"](),), "valve_dynamics_per_valve"
+    for tau_P, refused in ((8e-3, False), (3e-4, True)):
+        fitted = SimpleNamespace(values={f"{name}.tau_P": tau_P, f"{name}.tau_N": 1e-5})
+        if refused:
+            with pytest.raises(FitError, match=f"{name}.tau_P = 0.0003 s"):
+                require_credible(study, effects, fitted)
+        else:
+            require_credible(study, effects, fitted)
+
+
 @pytest.mark.slow
 def test_a_shifted_null_yields_to_a_term_that_closes_more(unlisted):
     assert unlisted.verdict is Verdict.UNKNOWN
@@ -266,7 +278,7 @@ def test_an_effect_that_leaves_little_is_named_and_the_other_valve_besides(
 def test_of_a_valve_that_was_fitted_the_model_tells(monkeypatch, names, named, expected):
     judgement = Judgement(Verdict.EFFECT, (names,), {}, 0.05, np.array([1.0, 9.0, 1.0]), NO_GAP)
     monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
-    selection = SimpleNamespace(named=names[:named], chosen=names)
+    selection = SimpleNamespace(named=names[:named], chosen=names, by_simulation=False)
     decision = decide_verdict(selection, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
     assert decision.absorbed == expected
     assert (decision.alternatives, decision.is_open) == ((names,), False)
@@ -285,7 +297,23 @@ def test_effects_that_the_parameters_contradict_keep_the_probability_of_an_unkno
     )
     monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
     checks = failing("S_P", tolerances=tolerances) if tolerances else ()
-    selection = SimpleNamespace(named=names, chosen=names)
+    selection = SimpleNamespace(named=names, chosen=names, by_simulation=False)
     decision = decide_verdict(selection, checks, EFFECTS)
     assert decision.verdict is verdict
     assert tuple(decision.judgement.probability.values()) == pytest.approx(expected)
+
+
+def test_what_the_parameters_absorb_stands_beside_an_effect_that_simulations_alone_show(
+    monkeypatch,
+):
+    """The balances were clean: what contradicts the mass is no reason against the effect."""
+    names = ("presliding",)
+    judgement = Judgement(Verdict.EFFECT, (names,), {names: 0.8}, 0.27, np.ones(3), NO_GAP)
+    monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
+    selection = SimpleNamespace(named=names, chosen=names, by_simulation=True)
+    decision = decide_verdict(selection, failing("M", tolerances=4.0), EFFECTS)
+    assert decision.verdict is Verdict.EFFECT and decision.absorbed == ("elastic_load",)
+    selection.by_simulation = False
+    assert (
+        decide_verdict(selection, failing("M", tolerances=4.0), EFFECTS).verdict is Verdict.UNKNOWN
+    )
