@@ -8,7 +8,7 @@ import pytest
 
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.metrics import simulated_fit
-from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, balance_levels
 from pneumo_casadi.diagnosis.metrics.simulated_fit import (
     WINDOW,
     Simulated,
@@ -17,8 +17,7 @@ from pneumo_casadi.diagnosis.metrics.simulated_fit import (
     simulate_loop,
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, gap_with_term, simulated_gap
-from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
-from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.metrics import output_noise
@@ -100,13 +99,22 @@ def test_where_simulations_show_no_gap_none_is_left(sound_study):
     assert not done.tells(nominal, other, ())
 
 
-@pytest.mark.parametrize(("floors", "shown"), [(0.5, False), (2.0, True)])
-def test_a_gap_counts_as_shown_beside_the_noise(sound_study, floors, shown):
-    done, nominal = Simulations(sound_study), object()
+@pytest.mark.parametrize(
+    ("floors", "force", "shown"),
+    [(0.5, 1.0, False), (2.0, 1.0, True), (2.0, 2.0, False)],
+    ids=["noise", "simulations alone", "balances too"],
+)
+def test_a_gap_is_shown_beside_the_noise_and_by_simulations_alone(
+    sound_study, floors, force, shown
+):
+    rows = (np.outer((1.0, 1.0, force), np.ones(64)),)
+    used = (np.ones((3, 64), dtype=bool),)
+    nominal = FittedModel((), {}, {}, 0.0, rows, rows, used, used, True)
+    done, levels = Simulations(sound_study), BalanceLevels(np.ones(3), np.full(3, 100.0))
     noise = [output_noise(sound_study.axis, sound_study.held_out, n) for n in ("p_P", "p_N", "x")]
     floor = 100 * np.array(noise) / signal_stds(sound_study)
     done.keep(nominal, Simulated(np.tile((1 + floors**2) * floor**2, (3, 1))), WINDOW)
-    assert done.shows_gap(nominal, CRITERIA.visible) is shown
+    assert done.alone_show_gap(nominal, levels) is shown
 
 
 def test_what_is_simulated_elsewhere_is_waited_for_once(sound_study):

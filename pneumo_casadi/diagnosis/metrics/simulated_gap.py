@@ -130,8 +130,11 @@ class Simulations:
             return False
         return _overall_gap(before, self.floor) > 0
 
-    def shows_gap(self, nominal: FittedModel, visible: float) -> bool:
-        """Return whether the windows of the nominal model show a gap, beside the noise [floors]."""
+    def alone_show_gap(self, nominal: FittedModel, levels: BalanceLevels) -> bool:
+        """Return whether windows of the nominal model show a gap, and its balances show none."""
+        visible = levels.criteria.visible
+        if np.any(levels.exceeded(residual_rms(nominal), visible)):
+            return False
         before, floor = self.windows(nominal, ()), self.floor
         if isinstance(before, str):
             return False
@@ -219,8 +222,7 @@ def simulated_gap(
             f"with the effects, simulations of held-out records are farther off ({gaps[1]:.2g} %) "
             f"than without ({gaps[0]:.2g} %), but balances are met better: do not use their sizes"
         )
-    clean = not np.any(levels.exceeded(residual_rms(nominal), levels.criteria.visible))
-    if final is nominal and clean and done.shows_gap(nominal, levels.criteria.visible):
+    if final is nominal and done.alone_show_gap(nominal, levels):
         notes.append(
             f"the balances show no gap, but simulations of held-out records are {gaps[0]:.2g} % of "
             "the motion off, and no effect alone explains that"

@@ -6,9 +6,7 @@ is far off, and the balances, of the motion that was measured, show next to noth
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.acceptance import corrects_map
 from pneumo_casadi.diagnosis.select.complete import Completed, find_acting
@@ -29,9 +27,7 @@ def find_in_simulation(
     must. What corrects a flow map is left out: a refinement holds the map.
     """
     criteria, simulations = levels.criteria, ledger.simulations
-    if np.any(levels.exceeded(residual_rms(nominal), criteria.visible)):
-        return None
-    if not simulations.shows_gap(nominal, criteria.visible):
+    if not simulations.alone_show_gap(nominal, levels):
         return None
     left = _left_alone(ledger, nominal, ledger.extensions(()))
     if left and min(left.values()) <= criteria.closed:
