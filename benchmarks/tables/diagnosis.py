@@ -151,6 +151,9 @@ def withheld_forms(result: Mapping[str, Any]) -> str:
     """Return the same of the check with forms drawn, and what was counted among weak effects."""
     both, weak = ([result[part][scope] for scope in SCOPES] for part in ("scores", "background"))
     body = _shares(both, SHARES, ASKED_OF_FORMS) + _shares(weak, AMONG_WEAK, ASKED_AMONG_WEAK)
+    if "besides" in result:
+        share = share_text(result["besides"])
+        body.append(["told as probably also there: true", share, "", ""])
     term = result["discovered"]
     shown = share_text(term["visible"]["driver_right"]) if "visible" in term else ""
     right = share_text(term["driver_right"]), shown

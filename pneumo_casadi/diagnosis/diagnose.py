@@ -17,6 +17,7 @@ from pneumo_casadi.diagnosis.decide.ranking import (
     most_missed_first,
     parameter_values,
     rank_candidates,
+    unnamed_effects,
 )
 from pneumo_casadi.diagnosis.discover.term_in_model import Model, told_as_fitted
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
@@ -187,13 +188,15 @@ def diagnose(
     judgement = decision.judgement
     in_model = effects_found(study, unbiased, judgement, chosen) if named else ()
     sure = set(selection.named) - set(judgement.undecided)
+    weak, corrections = unnamed_effects(in_model, selection.besides, chosen)
     alternatives = tuple(dict.fromkeys(causes_of(names, known) for names in decision.alternatives))
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,
         effects=tuple(e for e in in_model if e.form in sure),
         undecided=tuple(e for e in in_model if e.form in judgement.undecided),
-        besides=tuple(e for e in in_model if e.form in selection.besides),
+        besides=weak,
+        corrections=corrections,
         absorbed=beside,
         ranking=rank_candidates(study, unbiased, judgement, hidden, chosen),
         where=where,

@@ -51,7 +51,7 @@ def options_of_diagnosis(case: Case, diagnosis: Diagnosis, weak: bool = True) ->
     diagnosis : Diagnosis
         Its diagnosis, with effects of the catalogue.
     weak : bool, optional
-        Whether effects that act besides, too weak to be named, are in the model.
+        Whether effects that are not named, weak ones and corrections of the map, are in the model.
 
     Examples
     --------
@@ -168,7 +168,7 @@ def _ways(case: Case, diagnosis: Diagnosis) -> Iterator[IdentifyOptions]:
         yield replace(final, output_error=WITHOUT_CAUSE)
         return
     yield replace(final, output_error=WHOLE)
-    if diagnosis.besides:
+    if diagnosis.unnamed_effects:
         final = options_of_diagnosis(case, diagnosis, weak=False)
         yield replace(final, output_error=WHOLE)
     yield replace(final, output_error=OutputErrorOptions(window=WINDOW))
@@ -182,7 +182,7 @@ def _with_verdict(refined: Identification, diagnosis: Diagnosis) -> Identificati
     elif wrong := taken_up(with_refined_checks(diagnosis, refined)):
         warnings.append(met("taken up", "physics", TAKEN_UP % ", ".join(wrong)))
     present = {effect.name for effect in refined.axis.effects}
-    if weak := [effect.name for effect in diagnosis.besides if effect.form not in present]:
+    if weak := [effect.name for effect in diagnosis.unnamed_effects if effect.form not in present]:
         warnings.append(met("weak left out", "physics", WITHOUT_WEAK % joined_names(weak)))
     if not warnings:
         return refined

@@ -7,8 +7,8 @@ import pytest
 
 from pneumo_casadi.diagnosis.decide import ranking
 from pneumo_casadi.diagnosis.decide.judgement import Judgement
-from pneumo_casadi.diagnosis.decide.ranking import rank_candidates
-from pneumo_casadi.diagnosis.metrics.findings import Value
+from pneumo_casadi.diagnosis.decide.ranking import rank_candidates, unnamed_effects
+from pneumo_casadi.diagnosis.metrics.findings import EffectFound, Value
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.fit_ledger import Failed
@@ -99,3 +99,10 @@ def test_the_form_of_the_verdict_is_shown_before_a_more_probable_one(monkeypatch
     first = made_ranking(monkeypatch, forms)[0]
     assert first.names == ("stribeck",) and first.probability == pytest.approx(0.7)
     assert first.closure == sum(map(len, BEST))
+
+
+def test_what_corrects_the_flow_map_is_not_told_as_probably_there():
+    effects = [EffectFound(name, 0.9, {}) for name in ("stribeck", "flow_map_shape", "hose")]
+    weak, corrections = unnamed_effects(effects, ("flow_map_shape", "hose"), EFFECTS)
+    assert [effect.name for effect in weak] == ["hose"]
+    assert [effect.name for effect in corrections] == ["flow_map_shape"]

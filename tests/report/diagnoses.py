@@ -122,6 +122,10 @@ BESIDES = replace(
         EffectFound(name, 0.97, {"c": Value(1.0, 0.1, "1")}) for name in ("hose", "leakage_P")
     ),
 )
+CORRECTED = replace(
+    BESIDES,
+    corrections=(EffectFound("flow_map_shape", 0.9, {"c": Value(0.1, 0.02, "V")}),),
+)
 BESIDE_ABSORBED = replace(
     EFFECT,
     absorbed=("valve_mismatch",),

@@ -142,6 +142,7 @@ def test_other_files_are_refused_in_one_line(written, tmp_path, capsys):
         "unknown",
         "curves",
         "besides",
+        "corrections",
         "beside_absorbed",
     ],
 )
@@ -149,6 +150,7 @@ def test_a_diagnosis_is_read_back_as_it_was_written(name, tmp_path):
     others = {
         "curves": made.with_curves,
         "besides": lambda: made.BESIDES,
+        "corrections": lambda: made.CORRECTED,
         "beside_absorbed": lambda: made.BESIDE_ABSORBED,
         "absorbed_in_n": lambda: made.ABSORBED_IN_N,
     }

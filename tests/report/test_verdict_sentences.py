@@ -96,6 +96,14 @@ def test_weak_effects_of_the_final_model_are_told_and_not_named():
     assert [item["name"] for item in made.BESIDES.as_dict()["besides"]] == ["hose", "leakage_P"]
 
 
+def test_what_corrects_the_flow_map_is_not_told_as_probably_there():
+    *_, weak, sentence = cause_sentences(made.CORRECTED)
+    assert "shape" not in weak
+    assert sentence == "Flow map shape besides: what the form of the flow map misses, and no cause."
+    assert made.CORRECTED.final_effects[-1].name == "flow_map_shape"
+    assert [item["name"] for item in made.CORRECTED.as_dict()["corrections"]] == ["flow_map_shape"]
+
+
 def test_what_parameters_have_absorbed_beside_an_effect_is_told_with_them():
     *_, sentence = cause_sentences(made.BESIDE_ABSORBED)
     assert sentence == (

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 
@@ -71,6 +72,19 @@ def effects_found(
         )
         for name in (*selection.contributions, *selection.besides)
     )
+
+
+def unnamed_effects(
+    effects: Sequence[EffectFound], besides: Names, catalogue: Catalogue
+) -> tuple[tuple[EffectFound, ...], tuple[EffectFound, ...]]:
+    """Return the effects besides that are probably there, and those that correct the flow map.
+
+    Of five shapes of the map that stood besides on the virtual bench, none was there.
+    """
+    unnamed = [effect for effect in effects if effect.form in besides]
+    correct = [catalogue[effect.form]().metered for effect in unnamed]
+    weak = (effect for effect, corrects in zip(unnamed, correct, strict=True) if not corrects)
+    return tuple(weak), tuple(compress(unnamed, correct))
 
 
 def _probability_of_cause(judgement: Judgement, cause: str, catalogue: Catalogue) -> float:

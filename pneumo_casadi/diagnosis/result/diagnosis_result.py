@@ -55,6 +55,9 @@ class Diagnosis(Presentable):
         more than next to nothing and the set with them is not probable enough.
     besides : tuple of EffectFound
         Effects of the final model that are probably also there, each too small to be named.
+    corrections : tuple of EffectFound
+        Effects of the final model that take up what the form of the flow map misses: they correct
+        the map, and are no cause.
     absorbed : tuple of str
         Effects that the parameters have absorbed beside those named: no simulation shows them, a
         parameter that contradicts the geometry does. Of the verdict absorbed see `ambiguous`.
@@ -129,6 +132,7 @@ class Diagnosis(Presentable):
     findings: tuple[Finding, ...] = ()
     undecided: tuple[EffectFound, ...] = ()
     besides: tuple[EffectFound, ...] = ()
+    corrections: tuple[EffectFound, ...] = ()
     absorbed: tuple[str, ...] = ()
     with_term: Mapping[str, Value] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -141,8 +145,13 @@ class Diagnosis(Presentable):
 
     @property
     def final_effects(self) -> tuple[EffectFound, ...]:
-        """All effects of the final model: those named, those undecided, and weak ones besides."""
-        return (*self.effects, *self.undecided, *self.besides)
+        """All effects of the final model: those named, those undecided, and those unnamed."""
+        return (*self.effects, *self.undecided, *self.unnamed_effects)
+
+    @property
+    def unnamed_effects(self) -> tuple[EffectFound, ...]:
+        """Effects of the final model that are not named: weak ones, and corrections of the map."""
+        return (*self.besides, *self.corrections)
 
     @property
     def headline(self) -> str:
@@ -186,6 +195,7 @@ class Diagnosis(Presentable):
             "effects": [effect_dict(effect) for effect in self.effects],
             "undecided": [effect_dict(effect) for effect in self.undecided],
             "besides": [effect_dict(effect) for effect in self.besides],
+            "corrections": [effect_dict(effect) for effect in self.corrections],
             "absorbed": list(self.absorbed),
             "ranking": [candidate_dict(candidate) for candidate in self.ranking],
             "where": where_dict(self.where),

@@ -142,6 +142,7 @@ class DiagnosisSection(Section):
     provenance: dict[str, Any] = msgspec.field(default_factory=dict)
     refined_checks: tuple[CheckSection, ...] = ()
     besides: tuple[EffectSection, ...] = ()
+    corrections: tuple[EffectSection, ...] = ()
     absorbed: tuple[str, ...] = ()
 
     @property
@@ -154,6 +155,7 @@ class DiagnosisSection(Section):
             effects=tuple(item.read for item in self.effects),
             undecided=tuple(item.read for item in self.undecided),
             besides=tuple(item.read for item in self.besides),
+            corrections=tuple(item.read for item in self.corrections),
             absorbed=self.absorbed,
             ranking=tuple(item.read for item in self.ranking),
             where=self.where.read,

@@ -8,6 +8,7 @@
   ``ambiguous`` with all that the data cannot tell from it, ``absorbed`` likewise. Effects that a
   label joins count one by one, so that a set is as large as the effects that it holds.
 - *ranking*: the candidates as ranked, whatever the verdict; forms of the same causes are one.
+- *weak*: what is told as probably also there, each effect with those that may act in its place.
 """
 
 from collections.abc import Iterable, Mapping
@@ -44,6 +45,8 @@ class Answer:
         Balances of the discovered term, ``measurement`` for any sensor.
     closes : float or None
         Share of the held-out gap that it closes.
+    weak : tuple of frozenset of str
+        See above.
     """
 
     verdict: str
@@ -56,6 +59,7 @@ class Answer:
     driver: str = ""
     acts_in: frozenset[str] = frozenset()
     closes: float | None = None
+    weak: tuple[frozenset[str], ...] = ()
 
 
 def read_answer(verdict: Mapping[str, Any]) -> Answer:
@@ -95,6 +99,10 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
             for name in term.get("balances") or ()
         ),
         (term.get("closes") or {}).get("value"),
+        tuple(
+            frozenset(map(str, (item["name"], *(item.get("rivals") or ()))))
+            for item in verdict.get("besides") or ()
+        ),
     )
 
 

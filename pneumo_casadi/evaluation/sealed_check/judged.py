@@ -101,5 +101,6 @@ class Judged:
             "driver": self.answer.driver,
             "acts_in": sorted(self.answer.acts_in),
             "closes": self.answer.closes,
+            "besides": [" or ".join(sorted(names)) for names in self.answer.weak],
             "measured": {**self.measured, "by_error": self.measured.get("by_error", [])[:3]},
         }

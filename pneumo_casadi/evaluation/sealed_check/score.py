@@ -35,7 +35,7 @@ first entry of the ranking, with its stated probability, is a hit if it equals t
 is never a hit if nothing is wrong or the causes are not in the catalogue.
 
 These scores are about clean cases. Cases with a background of weak effects have their own, under
-``background``:
+``background``; what is told as probably also there counts in all cases (`besides`):
 
 ==================  ==========================  ================================================
 names_true          every effect *named*        it is a cause, or one of the weak effects
@@ -50,6 +50,8 @@ unknown_caught      left out, never listed      the verdict is ``unknown``
 unknown_largest     those whose cause has the   the verdict is ``unknown``
                     largest gap
 located             as above                    as above
+besides             every effect told as        it is a cause, or one of the weak effects, or one of
+                    probably also there         those that may act in its place is
 ==================  ==========================  ================================================
 """
 
@@ -129,6 +131,9 @@ def scored(cases: Sequence[Judged]) -> dict[str, Any]:
             [case.answer.probability for case in cases], [case.first_is_right for case in cases]
         ).as_dict(),
         "background": background_scores([case for case in every if case.clouded]),
+        "besides": Share.among(
+            bool(names & case.true_names) for case in every for names in case.answer.weak
+        ).as_dict(),
         "discovered": discovered_scores(every),
         "each": [case.as_dict() for case in every],
     }

@@ -71,6 +71,7 @@ def cause_sentences(
         *(_cause(effect, catalogue, final or {}) for effect in diagnosis.effects),
         *(_undecided(effect) for effect in diagnosis.undecided),
         *_besides(diagnosis.besides),
+        *_corrections(diagnosis.corrections),
         *_absorbed(diagnosis),
     )
 
@@ -81,6 +82,14 @@ def _besides(effects: Sequence[EffectFound]) -> tuple[str, ...]:
         return ()
     names = joined([either(effect) for effect in effects])
     return (f"Probably also there, each too small to be named as a cause: {names}.",)
+
+
+def _corrections(effects: Sequence[EffectFound]) -> tuple[str, ...]:
+    """Return the sentence on effects that correct the flow map; none without any."""
+    if not effects:
+        return ()
+    names = capitalised(joined([plain(effect.name) for effect in effects]))
+    return (f"{names} besides: what the form of the flow map misses, and no cause.",)
 
 
 def _absorbed(diagnosis: Diagnosis) -> tuple[str, ...]:

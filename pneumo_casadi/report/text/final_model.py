@@ -149,7 +149,9 @@ def final_sentences(diagnosis: Diagnosis, final: FinalModel | None) -> tuple[str
 def _left_out(diagnosis: Diagnosis, final: FinalModel) -> tuple[str, ...]:
     """Return which weak effects the final model is without."""
     present = {name.partition(".")[0] for name in final.values if "." in name}
-    weak = [plain(effect.name) for effect in diagnosis.besides if effect.form not in present]
+    weak = [
+        plain(effect.name) for effect in diagnosis.unnamed_effects if effect.form not in present
+    ]
     if not weak:
         return ()
     return (f"It is without {joined(weak)}: output error did not settle with so weak an effect.",)

@@ -244,6 +244,23 @@ def test_cases_with_weak_effects_have_scores_of_their_own(judged, told):
     assert background["unknown_caught"]["hits"] == 0
 
 
+def test_what_is_probably_also_there_counts_with_what_may_act_in_its_place(judged, told):
+    def besides(*names, rivals=()):
+        items = [{"name": name, "rivals": dict.fromkeys(rivals, 0.3)} for name in names]
+        return {**told("effect", "stribeck"), "besides": items}
+
+    cases = [
+        clouded(judged("single", "stribeck", besides("backlash", "hose")), "backlash"),
+        clouded(judged("single", "stribeck", besides("hose", rivals=["backlash"])), "backlash"),
+        judged("pair", "stribeck hose", besides("hose")),
+        judged("left_out", "hose", besides("hose")),
+        judged("single", "stribeck", told("effect", "stribeck")),
+    ]
+    result = scored(cases)
+    assert (result["besides"]["hits"], result["besides"]["of"]) == (3, 5)
+    assert result["each"][1]["besides"] == ["backlash or hose"]
+
+
 def test_the_largest_effect_is_the_one_without_which_the_gap_is_least(judged, told):
     """It may be another than the one drawn as dominant."""
     gaps = {"stribeck": 6.0, "backlash": 2.0, "spring_load": 7.0}
