@@ -140,6 +140,18 @@ def test_stamps_that_come_late_and_catch_up_keep_the_clock(bench, lateness):
     _check_clock(record, bench)
 
 
+def test_single_samples_that_come_late_and_do_not_catch_up_keep_the_clock(bench):
+    """Now and then 10 to 20 ms lay between rows of 10 ms each: the mean was half a per cent off."""
+    rng = np.random.default_rng(2)
+    steps = np.where(rng.uniform(size=20000) < 0.005, rng.uniform(1e-3, 2.5e-3, 20000), 1e-3)
+    steps += 2e-5 * rng.standard_normal(steps.size)
+    channels = {name: np.sin(np.cumsum(steps)) for name in ("u_P", "u_N", "p_P", "p_N", "x")}
+    record = Recording(
+        np.cumsum(steps), channels, "late", "memory", InputHold.ZERO, clock=Clock.AS_RECORDED
+    )
+    _check_clock(record, bench)
+
+
 @pytest.mark.parametrize("rate", [990.0, 1010.0, 500.0])
 def test_a_clock_as_recorded_of_another_frequency_is_refused(recording, bench, rate):
     with pytest.raises(CaseError, match=r"Hz, but the bench samples at 1000 Hz; correct `t` or"):

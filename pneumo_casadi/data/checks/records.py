@@ -32,7 +32,7 @@ from pneumo_casadi.data.readers.columns import COLUMNS_FILE
 from pneumo_casadi.data.readers.recordings import FEWEST_ROWS
 from pneumo_casadi.data.readers.tables import read_table, suffix_of
 from pneumo_casadi.data.recording.channels import UNITS, column_name
-from pneumo_casadi.data.recording.clock import CLOCK_TOLERANCE, Clock
+from pneumo_casadi.data.recording.clock import CLOCK_TOLERANCE, Clock, usual_step
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 
@@ -279,17 +279,18 @@ def _names_in_file(recording: Recording) -> tuple[str, ...]:
 
 def _check_clock(recording: Recording, bench: AnyBench) -> None:
     step, jitter = recording.dt, 0.0
+    steps = [step]
     if recording.clock is Clock.AS_RECORDED:
-        # Jitter moves the median, and not the mean; lost samples move the mean.
+        # Jitter moves the median, and not the mean; lost samples move the mean, and so do single
+        # samples that come late, by any time.
         intervals = np.diff(recording.t)
         step = float(np.mean(intervals))
         counts = np.maximum(np.round(intervals / np.median(intervals)), 1.0)
         complete = float(np.sum(intervals) / np.sum(counts))
         jitter = SIGMAS_OF_JITTER * float(np.std(intervals)) / (intervals.size * step)
-    else:
-        complete = step
+        steps = [step, complete, usual_step(intervals)]
     recorded, expected = 1 / step, bench.sampling_frequency
-    if min(abs(1 / (s * expected) - 1) for s in (step, complete)) <= CLOCK_TOLERANCE + jitter:
+    if min(abs(1 / (s * expected) - 1) for s in steps) <= CLOCK_TOLERANCE + jitter:
         return
     if abs(recorded * 1e3 / expected - 1) <= CLOCK_TOLERANCE:
         remedy = "is `t` in ms?"

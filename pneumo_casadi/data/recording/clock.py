@@ -64,7 +64,7 @@ def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
     """
     intervals = np.diff(t)
     check_forward(t, where)
-    dt = _typical(intervals)
+    dt = usual_step(intervals)
     rounding = _rounding(t, dt)
     _check_steps(t, intervals, dt, rounding, where)
     _check_wander(t, rounding, where)
@@ -105,8 +105,14 @@ def check_forward(t: FloatArray, where: Callable[[int], str]) -> None:
         )
 
 
-def _typical(intervals: FloatArray) -> float:
-    """Return the mean of the steps near the median: jumps do not move it, rounding averages out."""
+def usual_step(intervals: FloatArray) -> float:
+    """Return the mean of the steps near the median: jumps do not move it, rounding averages out.
+
+    Examples
+    --------
+    >>> round(usual_step(np.array([0.9, 1.1, 1.0, 2.6, 1.0])), 12)
+    1.0
+    """
     median = np.median(intervals)
     return float(intervals[np.abs(intervals - median) < 0.6 * median].mean())
 
