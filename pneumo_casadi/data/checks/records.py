@@ -40,6 +40,8 @@ log = logging.getLogger(__name__)
 
 #: Standard deviations of what jitter may add to the mean step of a short record.
 SIGMAS_OF_JITTER = 4.0
+#: Share of the median step within which a step of a clock as recorded is a usual one.
+NEAR = 0.25
 SHARED = 0.1
 """Share of unique rows that two records do not have in common by chance."""
 OF_ALL_RECORDS = frozenset({"map of another valve", "swapped areas", "ratio of the areas"})
@@ -288,7 +290,7 @@ def _check_clock(recording: Recording, bench: AnyBench) -> None:
         counts = np.maximum(np.round(intervals / np.median(intervals)), 1.0)
         complete = float(np.sum(intervals) / np.sum(counts))
         jitter = SIGMAS_OF_JITTER * float(np.std(intervals)) / (intervals.size * step)
-        steps = [step, complete, usual_step(intervals)]
+        steps = [step, complete, usual_step(intervals, near=NEAR)]
     recorded, expected = 1 / step, bench.sampling_frequency
     if min(abs(1 / (s * expected) - 1) for s in steps) <= CLOCK_TOLERANCE + jitter:
         return

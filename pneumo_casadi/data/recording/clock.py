@@ -105,16 +105,24 @@ def check_forward(t: FloatArray, where: Callable[[int], str]) -> None:
         )
 
 
-def usual_step(intervals: FloatArray) -> float:
+def usual_step(intervals: FloatArray, near: float = 0.6) -> float:
     """Return the mean of the steps near the median: jumps do not move it, rounding averages out.
+
+    Parameters
+    ----------
+    intervals : (n,) array
+        Steps of a clock [s].
+    near : float, optional
+        Steps within this share of the median count.
 
     Examples
     --------
-    >>> round(usual_step(np.array([0.9, 1.1, 1.0, 2.6, 1.0])), 12)
-    1.0
+    >>> steps = np.array([0.9, 1.1, 1.0, 1.4, 1.0])
+    >>> round(usual_step(steps), 12), round(usual_step(steps, near=0.25), 12)
+    (1.08, 1.0)
     """
     median = np.median(intervals)
-    return float(intervals[np.abs(intervals - median) < 0.6 * median].mean())
+    return float(intervals[np.abs(intervals - median) < near * median].mean())
 
 
 def _rounding(t: FloatArray, dt: float) -> float:
