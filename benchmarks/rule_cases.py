@@ -180,8 +180,8 @@ CASES = (
         "A dead zone of one valve is named in the form that gives each its own.",
         12,
         {"valve_dead_zone_valve_P": "medium"},
-        ("valve_dead_zone", "valve_dead_zone_per_valve", "valve_dead_zone_edges", "hose"),
-        {"valve_dead_zone": "valve_dead_zone_per_valve"},
+        ("valve_dead_zone", "valve_dead_zone_per_edge", "valve_dead_zone_edges", "hose"),
+        {"valve_dead_zone": "valve_dead_zone_per_edge"},
         closure=0.7,
     ),
     RuleCase(

@@ -7,6 +7,9 @@ from collections.abc import Collection
 
 from pneumo_casadi.effects.air.exhaust_restriction import ExhaustRestriction as ExhaustRestriction
 from pneumo_casadi.effects.air.heat_transfer import HeatTransfer as HeatTransfer
+from pneumo_casadi.effects.air.heat_transfer import (
+    HeatTransferForced as HeatTransferForced,
+)
 from pneumo_casadi.effects.air.hose import Hose as Hose
 from pneumo_casadi.effects.air.hose_sensor_at_valve import (
     HoseSensorAtValve as HoseSensorAtValve,
@@ -52,6 +55,7 @@ from pneumo_casadi.effects.load.position_on_elastic_load import (
     PositionOnElasticLoad as PositionOnElasticLoad,
 )
 from pneumo_casadi.effects.load.spring_load import SpringLoad as SpringLoad
+from pneumo_casadi.effects.load.spring_load import SpringLoadTwoSided as SpringLoadTwoSided
 from pneumo_casadi.effects.sensors.backlash import Backlash as Backlash
 from pneumo_casadi.effects.sensors.position_delay import PositionDelay as PositionDelay
 from pneumo_casadi.effects.sensors.pressure_sensor_second_order import (
@@ -67,7 +71,7 @@ from pneumo_casadi.effects.table import effect_row as effect_row
 from pneumo_casadi.effects.valve.flow_map_shape import FlowMapShape as FlowMapShape
 from pneumo_casadi.effects.valve.valve_dead_zone import ValveDeadZone as ValveDeadZone
 from pneumo_casadi.effects.valve.valve_dead_zone import (
-    ValveDeadZonePerValve as ValveDeadZonePerValve,
+    ValveDeadZonePerEdge as ValveDeadZonePerEdge,
 )
 from pneumo_casadi.effects.valve.valve_dead_zone_edges import (
     ValveDeadZoneEdges as ValveDeadZoneEdges,

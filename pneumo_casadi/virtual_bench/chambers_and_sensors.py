@@ -34,7 +34,7 @@ HEAT_TRANSFER = EffectForm(
     ),
     absorbed_by=("X_s1", "X_s2", "X_s4", "X_s5"),
     note="very fast exchange is isothermal and very slow adiabatic: a polytropic index has both",
-    constants={"wall": 0.0},
+    constants={"wall": 0.0, "forced": 0.0},
 )
 PRESSURE_SENSOR_LAG = EffectForm(
     "pressure_sensor_lag",

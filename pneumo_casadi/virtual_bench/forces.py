@@ -65,7 +65,7 @@ SPRING_LOAD = EffectForm(
     (Size("k", "N/m", (2.0, 6.0, 14.0), "F_c/l", description="stiffness at mid-stroke"),),
     note="shows in slow, long motion",
     strength=("k",),
-    constants={"hardening": 0.5},
+    constants={"hardening": 0.5, "one_sided": 0.0},
 )
 ELASTIC_LOAD = EffectForm(
     "elastic_load",

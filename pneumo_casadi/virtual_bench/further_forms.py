@@ -96,6 +96,7 @@ FORMS = (
         sizes=(replace(QUADRATIC_DRAG.sizes[0], unit="N s^2.2/m^2.2"),),
     ),
     _form(SPRING_LOAD, "softening", "−k x (1 − 0.3 (2x/l)²)", hardening=-0.3),
+    _form(SPRING_LOAD, "one_sided", "−2 k max(x + l/40, 0): slack at first", one_sided=2.0),
     _form(ELASTIC_LOAD, "measured", "as elastic_load; the position sensor is at x_2", measured=1.0),
     EffectForm(
         "hose_volume",
@@ -136,6 +137,15 @@ FORMS = (
     ),
     _form(VALVE_DEAD_ZONE, "smooth", "s = u − (w/2) tanh(2u/w)", smooth=1.0),
     _form(VALVE_DEAD_ZONE, "valve_P", VALVE_DEAD_ZONE.equation + "; valve P alone", at_N=0.0),
+    _form(
+        VALVE_DEAD_ZONE,
+        "each_edge",
+        "s = u − min(max(u, −0.35 w), 0.6 w) of valve P; of valve N 0.8 w, edges turned",
+        below=0.7,
+        above=1.2,
+        at_N=0.8,
+        turned=1.0,
+    ),
     _form(VALVE_HYSTERESIS, "play", "one play of half-width w/2", law=1.0),
     _form(VALVE_HYSTERESIS, "stiction", "s stays until |u − s| > w/2, then goes to u", law=2.0),
     _form(VALVE_HYSTERESIS, "valve_P", VALVE_HYSTERESIS.equation + "; valve P alone", at_N=0.0),
@@ -151,6 +161,12 @@ FORMS = (
     _form(LEAKAGE_N, "orifice", "orifice of ISO 6358 from chamber N to ambient", orifice=1.0),
     _form(PISTON_SEAL_LEAKAGE, "orifice", "orifice of ISO 6358 between the chambers", orifice=1.0),
     _form(HEAT_TRANSFER, "warm_wall", "walls of 40 J/K that the air warms up", wall=40.0),
+    _form(
+        HEAT_TRANSFER,
+        "forced",
+        HEAT_TRANSFER.equation + " · (1 + ½ (|v|/0.1)^0.75): the piston stirs the air",
+        forced=0.5,
+    ),
     _form(PRESSURE_SENSOR_LAG, "first_order", "τ ẏ + y = p, both sensors", first_order=1.0),
     _form(
         PRESSURE_SENSOR_LAG,

@@ -18,7 +18,7 @@ VALVE_DEAD_ZONE = EffectForm(
     "s = u − min(max(u, −0.45 w), 0.55 w): nothing moves within w",
     (Size("width", "V", (0.04, 0.12, 0.3), description="whole width w"),),
     note="shows around u = 0; the axis creeps up to its goal",
-    constants={"below": 0.9, "above": 1.1, "smooth": 0.0, "at_N": 1.0},
+    constants={"below": 0.9, "above": 1.1, "smooth": 0.0, "at_N": 1.0, "turned": 0.0},
 )
 VALVE_NULL_SHIFT = EffectForm(
     "valve_null_shift",

@@ -133,11 +133,11 @@ def test_a_form_that_contains_another_one_must_promise_more_than_that(explained,
         # A spool that sticks is not felt where it sticks little: its cause's usual form tells.
         ({"valve_hysteresis": 0.02}, 8.0, ["valve_stiction", "stribeck_rational"]),
         # It must promise more than the form that it contains, though that one is offered already.
-        ({"valve_dead_zone": 0.3, "valve_dead_zone_per_valve": 0.3}, 8.0, ["stribeck_rational"]),
+        ({"valve_dead_zone": 0.3, "valve_dead_zone_per_edge": 0.3}, 8.0, ["stribeck_rational"]),
         (
-            {"valve_dead_zone": 0.3, "valve_dead_zone_per_valve": 0.4},
+            {"valve_dead_zone": 0.3, "valve_dead_zone_per_edge": 0.4},
             8.0,
-            ["stribeck_rational", "valve_dead_zone_per_valve"],
+            ["stribeck_rational", "valve_dead_zone_per_edge"],
         ),
         ({"presliding_dahl": 0.02}, 2.0, ["stribeck_rational"]),
     ],
@@ -148,7 +148,7 @@ def test_forms_of_causes_that_a_model_lacks_are_tried_where_they_promise_somethi
 ):
     monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
     names = ("stribeck", "stribeck_rational", "presliding", "presliding_dahl")
-    valve = ("valve_dead_zone", "valve_dead_zone_per_valve", "valve_hysteresis", "valve_stiction")
+    valve = ("valve_dead_zone", "valve_dead_zone_per_edge", "valve_hysteresis", "valve_stiction")
     ledger = FitLedger(
         SimpleNamespace(criteria=CRITERIA), {name: EFFECTS[name] for name in (*names, *valve)}
     )
@@ -156,7 +156,7 @@ def test_forms_of_causes_that_a_model_lacks_are_tried_where_they_promise_somethi
     ledger.left_out = {
         "stribeck_rational",
         "presliding_dahl",
-        "valve_dead_zone_per_valve",
+        "valve_dead_zone_per_edge",
         "valve_stiction",
     }
     known = ("stribeck",)

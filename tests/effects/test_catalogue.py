@@ -18,6 +18,8 @@ from pneumo_casadi.model.junctions import JUNCTIONS
 PACKAGE = Path(pneumo_casadi.__file__).parent
 
 
+#: What the name of a size says of the side that it belongs to.
+SIDE = re.compile("_(P|N|plus|minus)(_(plus|minus))?$")
 #: That of version 0.1.0; new forms stand behind those of their cause.
 ORDER = (
     "asymmetric_viscous_friction",
@@ -29,6 +31,7 @@ ORDER = (
     "exhaust_restriction",
     "flow_map_shape",
     "heat_transfer",
+    "heat_transfer_forced",
     "hose",
     "hose_sensor_at_valve",
     "hose_volume",
@@ -52,12 +55,13 @@ ORDER = (
     "pressure_sensor_lag_per_sensor",
     "quadratic_drag",
     "spring_load",
+    "spring_load_two_sided",
     "stribeck",
     "stribeck_rational",
     "supply_droop",
     "supply_droop_proportional",
     "valve_dead_zone",
-    "valve_dead_zone_per_valve",
+    "valve_dead_zone_per_edge",
     "valve_dead_zone_edges",
     "valve_dynamics",
     "valve_dynamics_limited",
@@ -212,18 +216,17 @@ def test_all_causes_of_the_catalogue_at_once_are_nominal_at_null_and_finite_at_t
 
 
 @pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.generalises])
-def test_a_form_for_each_side_is_with_equal_sizes_the_form_that_it_contains(name, nominals, made):
+def test_a_form_is_with_equal_sizes_and_nothing_more_the_form_that_it_contains(
+    name, nominals, made
+):
     own = EFFECTS[name]
     contained = EFFECTS[own.generalises]
     assert own.cause == contained.cause
     nominal, rng = nominals["servo"], np.random.default_rng(3)
     axis, plain = (nominal.with_effects(each()).at_starting_values() for each in (own, contained))
     values = plain.parameters.as_dict()
-    known = [item.name for item in contained.parameters]
     sizes = {
-        f"{name}.{item.name}": values[
-            f"{contained.name}.{item.name if item.name in known else item.name[: -len('_P')]}"
-        ]
+        f"{name}.{item.name}": values.get(f"{contained.name}.{SIDE.sub('', item.name)}", item.null)
         for item in own.parameters
     }
     axis = axis.with_parameters(sizes)

@@ -15,6 +15,9 @@ from pneumo_casadi.parameters import Parameter
 GAMMA = 1.4
 #: The air is taken to be no colder than this share of the wall, whatever an optimiser tries.
 T_LEAST = 0.1
+#: Piston speed [m/s] at which forced convection is told, and the share of it that still counts as
+#: standing still: powers of a speed have no derivative at 0.
+V_FORCED, STILL = 0.1, 0.01
 
 
 class HeatTransfer(Effect):
@@ -82,10 +85,10 @@ class HeatTransfer(Effect):
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Energy balance of the air in each chamber, for its temperature above the wall's."""
-        q = entering["chamber_energy"]
+        q, h = entering["chamber_energy"], self.coefficient(at)
         return {
-            "dT_P": _warming(at, "P", q.P, at.p.P, at.v),
-            "dT_N": _warming(at, "N", q.N, at.p.N, -at.v),
+            "dT_P": _warming(at, "P", h, q.P, at.p.P, at.v),
+            "dT_N": _warming(at, "N", h, q.N, at.p.N, -at.v),
         }
 
     def valve_flow(self, q_m: Pair, at: Scope) -> Pair:
@@ -94,7 +97,48 @@ class HeatTransfer(Effect):
 
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
         """Add the heat, and the effect of the outgoing air's temperature on the flow."""
-        return Pair(_equivalent(at, "P", q_m.P), _equivalent(at, "N", q_m.N))
+        h = self.coefficient(at)
+        return Pair(_equivalent(at, "P", h, q_m.P), _equivalent(at, "N", h, q_m.N))
+
+    def coefficient(self, at: Scope) -> Expression:
+        """Return the heat transfer coefficient [W/(m² K)]; constant unless a form has another."""
+        return at["h"]
+
+
+class HeatTransferForced(HeatTransfer):
+    """Heat transfer that grows with the speed of the piston, which stirs the air.
+
+    h (1 + b ((v/v₀)² + ε²)^0.4), v₀ = 0.1 m/s: forced convection with Reynolds' number to the power
+    of 0.8, beside what still air exchanges.
+    """
+
+    name = "heat_transfer_forced"
+    cause = "heat_transfer"
+    generalises = "heat_transfer"
+    equation = "as `heat_transfer`, with h (1 + b |v/v₀|^0.8) in place of h, v₀ = 0.1 m/s"
+    source = (
+        "Eichelberg (1939), Engineering 148; Annand (1963), Proc. IMechE 177(1), 973-996: Nu ∝ "
+        "Re^0.7-0.8 in cylinders"
+    )
+    parameters = (
+        *HeatTransfer.parameters,
+        Parameter(
+            "b",
+            0.0,
+            "1",
+            lower=0.0,
+            upper=20.0,
+            scale=1.0,
+            null=0.0,
+            start=1.0,
+            description="what a piston speed of 0.1 m/s adds to h, over h at standstill",
+            source="Re^0.8 of a piston at 0.1-1 m/s against free convection; engineering judgement",
+        ),
+    )
+
+    def coefficient(self, at: Scope) -> Expression:
+        """Return the heat transfer coefficient [W/(m² K)] at the speed of the piston."""
+        return at["h"] * (1 + at["b"] * ((at.v / V_FORCED) ** 2 + STILL**2) ** 0.4)
 
 
 def _geometry(at: Scope, chamber: str) -> tuple[Expression, Expression, Expression]:
@@ -117,21 +161,21 @@ def _thinned(at: Scope, chamber: str, q: Expression) -> Expression:
 
 
 def _warming(
-    at: Scope, chamber: str, q: Expression, p: Expression, outward: Expression
+    at: Scope, chamber: str, h: Expression, q: Expression, p: Expression, outward: Expression
 ) -> Expression:
     T_0, dT, r = at.axis["T"], at[f"dT_{chamber}"], at.axis["r"]
     T = _temperature(at, chamber)
     V, S, wall = _geometry(at, chamber)
-    heat = -at["h"] * wall * dT
+    heat = -h * wall * dT
     # r/(γ − 1) is c_v; the flow brings c_p T_f and must be brought to c_v T.
     enthalpy = GAMMA * (T_0 * ca.fmax(q, 0.0) + T * ca.fmin(q, 0.0)) - T * q
     power = r / (GAMMA - 1) * enthalpy - p * S * outward + heat
     return (GAMMA - 1) * T / (p * V) * power
 
 
-def _equivalent(at: Scope, chamber: str, q: Expression) -> Expression:
+def _equivalent(at: Scope, chamber: str, h: Expression, q: Expression) -> Expression:
     T_0, dT, r = at.axis["T"], at[f"dT_{chamber}"], at.axis["r"]
     _, _, wall = _geometry(at, chamber)
-    heat = -at["h"] * wall * dT
+    heat = -h * wall * dT
     added = dT / T_0 * ca.fmin(q, 0.0) + (GAMMA - 1) / (GAMMA * r * T_0) * heat
     return q + at["share"] * added

@@ -1,8 +1,30 @@
 """Spring load: a hose, a cable or a spring that pulls back to mid-stroke."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import ClassVar
+
+import casadi as ca
+
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
+
+#: Way over which a spring is picked up [m]; keeps derivatives smooth.
+ROUNDING = 0.002
+STIFFNESS = Parameter(
+    "k",
+    0.0,
+    "N/m",
+    lower=0.0,
+    upper=2e4,
+    scale=100.0,
+    null=0.0,
+    start=150.0,
+    description="stiffness",
+    source="100-500 N/m, engineering judgement for hoses and cable chains",
+)
 
 
 class SpringLoad(Effect):
@@ -15,21 +37,47 @@ class SpringLoad(Effect):
     confused_with = ("X_s1", "X_s4", "position_friction", "constant_force", "leakage_P")
     separated_by = "a slow full stroke both ways, or holds at both ends"
     passive = True
-    parameters = (
-        Parameter(
-            "k",
-            0.0,
-            "N/m",
-            lower=0.0,
-            upper=2e4,
-            scale=100.0,
-            null=0.0,
-            start=150.0,
-            description="stiffness",
-            source="100-500 N/m, engineering judgement for hoses and cable chains",
-        ),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (STIFFNESS,)
 
     def force(self, F: Expression, at: Scope) -> Expression:
         """Subtract the spring's force."""
         return F - at["k"] * at.x
+
+
+class SpringLoadTwoSided(SpringLoad):
+    """A spring that is stiffer on one side of a place of the stroke, or acts there alone.
+
+    F = −k⁺ s(x − x₀) + k⁻ s(x₀ − x) with s(x) = (x + √(x² + w²))/2: a cord or a return spring that
+    is slack at first, a bumper, a hose that is stretched one way and hangs the other.
+    """
+
+    name = "spring_load_two_sided"
+    cause = "spring_load"
+    generalises = "spring_load"
+    equation = "F = −k⁺ s(x − x₀) + k⁻ s(x₀ − x), s(x) = (x + √(x² + w²))/2, w = 2 mm"
+    source = "Hooke's law, of springs that are picked up on the way"
+    scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {"k_minus": (0.0, 300.0), "k_plus": (0.0, 300.0), "x_0": (-0.1, -0.03, 0.03, 0.1)}
+    )
+    parameters = (
+        replace(STIFFNESS, name="k_minus", description="stiffness below the place"),
+        replace(STIFFNESS, name="k_plus", description="stiffness beyond the place"),
+        Parameter(
+            "x_0",
+            0.0,
+            "m",
+            lower=-1.0,
+            upper=1.0,
+            scale=0.02,
+            null=0.0,
+            start=0.0,
+            description="place where the stiffness changes, from mid-stroke",
+            source="anywhere in the stroke",
+        ),
+    )
+
+    def force(self, F: Expression, at: Scope) -> Expression:
+        """Subtract the force of the spring on either side."""
+        way = at.x - at["x_0"]
+        rounded = ca.sqrt(way**2 + ROUNDING**2)
+        return F - at["k_plus"] * (rounded + way) / 2 + at["k_minus"] * (rounded - way) / 2

@@ -14,7 +14,10 @@ from pneumo_casadi.parameters import Parameter
 #: Width over which an edge opens [V]; keeps derivatives smooth and cancels at a zone of zero.
 ROUNDING = 0.002
 
-#: What both forms of a dead zone declare.
+#: Control edges: the valve, and the side of the command on which the edge opens.
+EDGE_NAMES = {"plus": "supply", "minus": "exhaust"}
+EDGES = tuple((c, side) for c in "PN" for side in EDGE_NAMES)
+#: What all forms of a dead zone declare.
 CONFUSED_WITH = (
     "valve_null_shift",
     "valve_hysteresis",
@@ -58,27 +61,37 @@ class ValveDeadZone(Effect):
 
     def spool(self, u: Pair, at: Scope) -> Pair:
         """Take the dead zone from the opening."""
-        return Pair(_beyond(u.P, at["delta"]), _beyond(u.N, at["delta"]))
+        return Pair(*(_beyond(each, at["delta"], at["delta"]) for each in (u.P, u.N)))
 
 
-class ValveDeadZonePerValve(ValveDeadZone):
-    """Overlap that differs from one valve to the other: one is worn, or of another maker."""
+class ValveDeadZonePerEdge(ValveDeadZone):
+    """Overlap of each edge of each valve: edges are worn, ground or shimmed one by one.
 
-    name = "valve_dead_zone_per_valve"
+    With s as in `ValveDeadZone`, the opening of valve c is s(u_c − δ_c⁺) − s(−u_c − δ_c⁻).
+    """
+
+    name = "valve_dead_zone_per_edge"
     cause = "valve_dead_zone"
-    equation = "u_c −→ u_c + (√((u_c − δ_c)² + w²) − √((u_c + δ_c)² + w²))/2 of each valve c"
+    equation = "u_c −→ s(u_c − δ_c⁺) − s(−u_c − δ_c⁻) of each valve c, s(x) = (x + √(x² + w²))/2"
     generalises = "valve_dead_zone"
-    scanned = MappingProxyType({f"delta_{c}": (0.0, 0.1, 0.3) for c in "PN"})
+    scanned = MappingProxyType({f"delta_{c}_{side}": (0.0, 0.1, 0.3) for c, side in EDGES})
     parameters = tuple(
-        replace(DELTA, name=f"delta_{c}", description=f"half the width of the zone of valve {c}")
-        for c in "PN"
+        replace(
+            DELTA,
+            name=f"delta_{c}_{side}",
+            description=f"overlap of the {EDGE_NAMES[side]} edge of valve {c}",
+        )
+        for c, side in EDGES
     )
 
     def spool(self, u: Pair, at: Scope) -> Pair:
-        """Take the dead zone of each valve from its opening."""
-        return Pair(_beyond(u.P, at["delta_P"]), _beyond(u.N, at["delta_N"]))
+        """Take the overlap of each edge from the opening of its valve."""
+        return Pair(
+            _beyond(u.P, at["delta_P_plus"], at["delta_P_minus"]),
+            _beyond(u.N, at["delta_N_plus"], at["delta_N_minus"]),
+        )
 
 
-def _beyond(u: Expression, delta: Expression) -> Expression:
-    above, below = (ca.sqrt((u - side * delta) ** 2 + ROUNDING**2) for side in (1, -1))
-    return u + (above - below) / 2
+def _beyond(u: Expression, plus: Expression, minus: Expression) -> Expression:
+    above, below = (ca.sqrt((u - edge) ** 2 + ROUNDING**2) for edge in (plus, -minus))
+    return u + (minus - plus + above - below) / 2

@@ -73,19 +73,23 @@ def enthalpy(q: float, T_outside: float, T_inside: float, par: Any) -> Any:
 
 @kernel
 def wall_heat(
-    p: float, T: float, T_wall: float, S: float, V_0: float, V_now: float, par: Any
+    p: float, T: float, T_wall: float, S: float, V_0: float, V_now: float, v: float, par: Any
 ) -> Any:
     """Return the heat from the walls [W]: conductance in proportion to the wetted area.
 
     At mid-stroke and 0.6 of the supply pressure the gas follows the wall with the time constant
-    ``heat_transfer_tau`` at constant volume; the film grows with the square root of the pressure.
+    ``heat_transfer_tau`` at constant volume; the film grows with the square root of the pressure,
+    and in its forced form with the speed of the piston.
     """
     c_v = par.r / (GAMMA - 1.0)
     p_0 = 0.6 * par.p_supply
     at_middle = p_0 * V_0 / (par.r * par.T) * c_v / par.heat_transfer_tau
     around = 2.0 * sqrt(pi / S)  # wall area per volume of a cylinder
     area = (2.0 * S + around * V_now) / (2.0 * S + around * V_0)
-    return at_middle * area * sqrt(max(p, 0.0) / p_0) * (T_wall - T)
+    stirred = 1.0
+    if par.heat_transfer_forced > 0.0:
+        stirred += par.heat_transfer_forced * (abs(v) / 0.1) ** 0.75
+    return at_middle * area * sqrt(max(p, 0.0) / p_0) * stirred * (T_wall - T)
 
 
 @kernel
@@ -104,8 +108,8 @@ def chamber_rates(
         dy[GAS_P] = par.k_P / V_P * (rT * q_P - p_P * dV_P)
         dy[GAS_N] = par.k_N / V_N * (rT * q_N - p_N * dV_N)
         return 0.0
-    heat_P = wall_heat(p_P, T_P, par.T + y[WALL_P], par.S_P, par.V_P0, V_P, par)
-    heat_N = wall_heat(p_N, T_N, par.T + y[WALL_N], par.S_N, par.V_N0, V_N, par)
+    heat_P = wall_heat(p_P, T_P, par.T + y[WALL_P], par.S_P, par.V_P0, V_P, dy[X], par)
+    heat_N = wall_heat(p_N, T_N, par.T + y[WALL_N], par.S_N, par.V_N0, V_N, dy[X], par)
     if par.heat_transfer_wall > 0.0:
         dy[WALL_P] = -heat_P / par.heat_transfer_wall - y[WALL_P] / TAU_WALL
         dy[WALL_N] = -heat_N / par.heat_transfer_wall - y[WALL_N] / TAU_WALL

@@ -27,7 +27,10 @@ def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> 
     if par.quadratic_drag_c > 0.0:
         F -= par.quadratic_drag_c * abs(v) ** par.quadratic_drag_power * v
     if par.spring_load_k != 0.0:  # stiffens towards the ends
-        F -= par.spring_load_k * x * (1.0 + par.spring_load_hardening * (x / par.half) ** 2)
+        if par.spring_load_one_sided > 0.0:  # slack at first
+            F -= par.spring_load_k * par.spring_load_one_sided * max(x + 0.05 * par.half, 0.0)
+        else:
+            F -= par.spring_load_k * x * (1.0 + par.spring_load_hardening * (x / par.half) ** 2)
     if par.elastic_load_m_2 > 0.0:
         omega = 2.0 * pi * par.elastic_load_f
         acceleration = omega * omega * (y[X_2] - x) + 2.0 * par.elastic_load_zeta * omega * (

@@ -87,9 +87,10 @@ def spool_targets(t: float, u: FloatArray, plays: FloatArray, target: FloatArray
             if par.valve_dead_zone_smooth > 0.0 and half > 0.0:
                 s -= half * tanh(s / half)
             else:
-                s -= min(
-                    max(s, -par.valve_dead_zone_below * half), par.valve_dead_zone_above * half
-                )
+                below, above = par.valve_dead_zone_below * half, par.valve_dead_zone_above * half
+                if valve and par.valve_dead_zone_turned > 0.0:
+                    below, above = above, below
+                s -= min(max(s, -below), above)
         warming = 1.0 - 0.15 * exp(-max(t, 0.0) / 5.0)  # the offset settles as the coil warms
         s += (par.valve_null_shift_P if valve == 0 else par.valve_null_shift_N) * warming
         target[valve] = s
