@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -55,7 +55,7 @@ class HeatTransfer(Effect):
     separated_by = "charge a chamber at a held piston and close the valve: the pressure creeps back"
     # If heat transfer is the cause, the estimate is 0.95 or more; for a similar cause 0.5 or less.
     credible = MappingProxyType({"share": (0.85, 1.0)})
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "share",
             0.0,
