@@ -280,8 +280,8 @@ def _names_in_file(recording: Recording) -> tuple[str, ...]:
 
 
 def _check_clock(recording: Recording, bench: AnyBench) -> None:
-    step, jitter = recording.dt, 0.0
-    steps = [step]
+    step = recording.dt
+    fits = [(step, 0.0)]  # steps of which one must fit, and what jitter may add to each [1]
     if recording.clock is Clock.AS_RECORDED:
         # Jitter moves the median, and not the mean; lost samples move the mean, and so do single
         # samples that come late, by any time.
@@ -289,10 +289,13 @@ def _check_clock(recording: Recording, bench: AnyBench) -> None:
         step = float(np.mean(intervals))
         counts = np.maximum(np.round(intervals / np.median(intervals)), 1.0)
         complete = float(np.sum(intervals) / np.sum(counts))
+        usual, spread = usual_step(intervals, near=NEAR)
+        # Lateness cancels in the mean of all steps, and not in that of some.
         jitter = SIGMAS_OF_JITTER * float(np.std(intervals)) / (intervals.size * step)
-        steps = [step, complete, usual_step(intervals, near=NEAR)]
+        of_some = SIGMAS_OF_JITTER * spread / (intervals.size**0.5 * step)
+        fits = [(step, jitter), (complete, jitter), (usual, of_some)]
     recorded, expected = 1 / step, bench.sampling_frequency
-    if min(abs(1 / (s * expected) - 1) for s in steps) <= CLOCK_TOLERANCE + jitter:
+    if any(abs(1 / (s * expected) - 1) <= CLOCK_TOLERANCE + more for s, more in fits):
         return
     if abs(recorded * 1e3 / expected - 1) <= CLOCK_TOLERANCE:
         remedy = "is `t` in ms?"

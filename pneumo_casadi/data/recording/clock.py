@@ -64,7 +64,7 @@ def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
     """
     intervals = np.diff(t)
     check_forward(t, where)
-    dt = usual_step(intervals)
+    dt, _ = usual_step(intervals)
     rounding = _rounding(t, dt)
     _check_steps(t, intervals, dt, rounding, where)
     _check_wander(t, rounding, where)
@@ -105,8 +105,10 @@ def check_forward(t: FloatArray, where: Callable[[int], str]) -> None:
         )
 
 
-def usual_step(intervals: FloatArray, near: float = 0.6) -> float:
-    """Return the mean of the steps near the median: jumps do not move it, rounding averages out.
+def usual_step(intervals: FloatArray, near: float = 0.6) -> tuple[float, float]:
+    """Return mean and spread of the steps near the median.
+
+    Jumps do not move it, rounding averages out.
 
     Parameters
     ----------
@@ -118,11 +120,12 @@ def usual_step(intervals: FloatArray, near: float = 0.6) -> float:
     Examples
     --------
     >>> steps = np.array([0.9, 1.1, 1.0, 1.4, 1.0])
-    >>> round(usual_step(steps), 12), round(usual_step(steps, near=0.25), 12)
-    (1.08, 1.0)
+    >>> [round(float(value), 3) for value in (*usual_step(steps), *usual_step(steps, near=0.25))]
+    [1.08, 0.172, 1.0, 0.071]
     """
     median = np.median(intervals)
-    return float(intervals[np.abs(intervals - median) < near * median].mean())
+    usual = intervals[np.abs(intervals - median) < near * median]
+    return float(usual.mean()), float(usual.std())
 
 
 def _rounding(t: FloatArray, dt: float) -> float:
