@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.decision import NAMING, Decision, decide_verdict
+from pneumo_casadi.diagnosis.decide.judgement import open_balances
 from pneumo_casadi.diagnosis.decide.shared_cause import rather_one_cause
 from pneumo_casadi.diagnosis.discover.beside import Discovery, discover_beside
 from pneumo_casadi.diagnosis.discover.rival_term import find_rival_term
@@ -68,6 +69,19 @@ def conclude(
             decision = decide_verdict(selection, checks, known, surpassed=True)
             shown = rival if decision.verdict is Verdict.UNKNOWN else None
             return replace(first, decision=decision, discovery=shown)
+    if decision.names_effects:
+        return replace(first, notes=(*first.notes, *_left_open(study, selection)))
     if decision.verdict is not Verdict.UNKNOWN:
         return first
     return replace(first, discovery=discover_beside(*given))
+
+
+def _left_open(study: Study, selection: Selection) -> tuple[str, ...]:
+    """Return the note on balances in which more acts than is named; none without any."""
+    names = [study.axis.equations[row].replace("_", " ") for row in open_balances(selection)]
+    if not names:
+        return ()
+    return (
+        f"a gap is left in {' and '.join(names)} that no effect named touches: something acts "
+        "there besides, which nothing in the catalogue explains",
+    )

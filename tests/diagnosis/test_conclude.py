@@ -17,7 +17,9 @@ def concluded(monkeypatch):
 
         def decide(selection, checks, catalogue, surpassed=False):
             verdict = after if surpassed else reviewed
-            return SimpleNamespace(judgement=SimpleNamespace(verdict=balances), verdict=verdict)
+            judgement = SimpleNamespace(verdict=balances)
+            named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
+            return SimpleNamespace(judgement=judgement, verdict=verdict, names_effects=named)
 
         after = surpassed
         monkeypatch.setattr(conclude, "check_fit", lambda *given: ["a check"])
@@ -29,10 +31,15 @@ def concluded(monkeypatch):
         monkeypatch.setattr(
             conclude, "discover_beside", lambda *given: asked.append("term") or "a term"
         )
-        study = SimpleNamespace(axis=SimpleNamespace(outputs=()), criteria=CRITERIA)
+        monkeypatch.setattr(conclude, "open_balances", lambda selection: (1,))
+        axis = SimpleNamespace(outputs=(), equations=("mass_flow_P", "force"))
+        study = SimpleNamespace(axis=axis, criteria=CRITERIA)
         selection = SimpleNamespace(chosen=("hose",), final=None, by_simulation=False)
         conclusion = conclude.conclude(study, selection, {"hose": SimpleNamespace}, None)
         assert conclusion.checks == ("a check",) and len(conclusion.effects) == 1
+        # What is left besides is told of effects that are named, and of those alone.
+        told = ["gap is left in force" in note for note in conclusion.notes]
+        assert told == [True] * conclusion.decision.names_effects
         return conclusion.decision.verdict, conclusion.discovery, asked
 
     return run

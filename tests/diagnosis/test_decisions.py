@@ -15,7 +15,13 @@ from pneumo_casadi.diagnosis import Check, Location, Verdict
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_parameters
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
-from pneumo_casadi.diagnosis.decide.judgement import Judgement, judge, missed_gain, unexplained
+from pneumo_casadi.diagnosis.decide.judgement import (
+    Judgement,
+    judge,
+    missed_gain,
+    open_balances,
+    unexplained,
+)
 from pneumo_casadi.diagnosis.locate.locate import balance_of_gap, rival_sensor_effects
 from pneumo_casadi.diagnosis.locate.signatures import Signatures
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
@@ -253,6 +259,18 @@ def test_a_gap_without_an_accepted_effect_is_unknown_where_it_is_visible(rms, ex
 def test_what_is_unexplained_is_the_share_left_in_the_worst_balance(nominal, final, expected):
     before, after = (fitted(*map(with_gap, gaps)) for gaps in (nominal, final))
     assert unexplained(selected(before, {ONE[0]: after}, ONE)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_a_balance_that_no_effect_touches_casts_no_doubt_where_simulations_are_explained(simulated):
+    """Friction over position closed 88 % of what one sees, and a coarse data sheet leaves a gap."""
+    before, after = (fitted(*map(with_gap, gaps)) for gaps in ((2.7, 0, 10), (2.7, 0, 1)))
+    chosen = replace(selected(before, {ONE[0]: after}, ONE), simulated=simulated)
+    assert unexplained(chosen) == pytest.approx(0.1 if simulated else 1.0)
+    assert open_balances(chosen) == ((0,) if simulated else ())
+    judgement = judge(chosen, (EFFECTS["position_friction"](),))
+    assert judgement.verdict is (Verdict.EFFECT if simulated else Verdict.UNKNOWN)
+    assert judgement.probability[ONE[0]] == pytest.approx(0.75 if simulated else 0.08)
 
 
 @pytest.mark.parametrize(("flow", "expected"), [(2.0, 1.0), (1.8, 0.0)])

@@ -195,18 +195,32 @@ def left_is_visible(selection: Selection) -> bool:
     """Return whether what the final model leaves too much of is clear of the noise."""
     if not selection.path:
         return True
-    return leaves_too_much(selection.nominal, selection.final, selection.levels, clear=True)
+    return _leaves_too_much(selection, selection.final)
 
 
 def unexplained(selection: Selection) -> float:
     """Return the share of the held-out gap that the final model leaves, in the worst balance.
 
-    See `share_left`. The gap of a sensor effect is visible in simulations only: if simulations
-    have decided the selection, the share of the simulated gap is returned.
+    See `share_left`; a balance that only is clear of the noise does not count where simulations are
+    explained. The gap of a sensor effect is visible in simulations only: if simulations have
+    decided the selection, the share of the simulated gap is returned.
     """
     if decided_by_simulation(selection):
         return selection.gap_left.get(selection.chosen, 1.0)
-    return share_left(selection.nominal, selection.final, selection.levels, clear=True)
+    clear = not selection.simulated
+    return share_left(selection.nominal, selection.final, selection.levels, clear)
+
+
+def open_balances(selection: Selection) -> tuple[int, ...]:
+    """Return the balances in which the effects named leave a gap that is none of theirs."""
+    levels, unexplained = selection.levels, selection.levels.criteria.unexplained
+    if not selection.simulated or decided_by_simulation(selection):
+        return ()
+    main, every = (
+        shares_left(selection.nominal, selection.final, levels, clear) > unexplained
+        for clear in (False, True)
+    )
+    return tuple(int(row) for row in np.flatnonzero(every & ~main))
 
 
 def _trust(left: float, selection: Selection) -> float:
@@ -214,9 +228,12 @@ def _trust(left: float, selection: Selection) -> float:
 
     Of 134 causes named on the virtual bench, 98 % were right if no balance kept more than filters
     and noise leave, 95 % if less than a twentieth of the gap was left, 72 % if more was left.
-    Of an effect found by simulation alone, the balances say nothing.
+    Of an effect found by simulation alone, the balances say nothing. What is left in a balance that
+    no effect touches is doubt as well.
     """
     levels = selection.levels
+    if not decided_by_simulation(selection):
+        left = share_left(selection.nominal, selection.final, levels, clear=True)
     unclean = np.any(levels.exceeded(residual_rms(selection.final), levels.criteria.clean))
     doubt = 1.5 * left if unclean or selection.by_simulation else 0.0
     return float(np.clip(0.97 - doubt, 0.75, 0.97))
@@ -246,7 +263,12 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
 def _explains(selection: Selection, fitted: FittedModel) -> bool:
     """Return whether a model explains the gap; where simulations have decided, they tell."""
     decided = selection.chosen in selection.output_error_fits
-    return decided or not leaves_too_much(selection.nominal, fitted, selection.levels, clear=True)
+    return decided or not _leaves_too_much(selection, fitted)
+
+
+def _leaves_too_much(selection: Selection, fitted: FittedModel) -> bool:
+    clear = not selection.simulated
+    return leaves_too_much(selection.nominal, fitted, selection.levels, clear)
 
 
 def missed_gain(selection: Selection, best: Names, other: Names) -> float:

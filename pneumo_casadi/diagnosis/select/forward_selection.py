@@ -90,6 +90,9 @@ class Selection:
         The perturbations by each effect that further models may have.
     by_simulation : bool
         Whether the balances show no gap, and simulations alone have found the effect.
+    simulated : bool
+        Whether the final model surely explains simulations of the held-out records. A balance that
+        no effect touches then casts no doubt on those named: something acts there besides.
     """
 
     nominal: FittedModel
@@ -107,6 +110,7 @@ class Selection:
     completed: Completed | None = None
     directions: Mapping[str, tuple[Direction, ...]] = field(default_factory=dict)
     by_simulation: bool = False
+    simulated: bool = False
 
     @property
     def accepted(self) -> Names:
@@ -177,14 +181,17 @@ def select_effects(
     path = _forward(ledger, nominal, levels, report)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     shares: Mapping[str, float] = {}
-    completed = None
+    completed, simulated = None, False
     if path:
         report("what else acts", 0.85)
         completed = _completed(ledger, nominal, path[-1], levels)
         final = completed.acting
-        ledger.begin_report(final, ledger.output_error_fits.get(final, ledger.fits[final]))
+        fitted = ledger.output_error_fits.get(final, ledger.fits[final])
+        ledger.begin_report(final, fitted)
         report("what each effect contributes", 0.9)
         shares = contributions(ledger, nominal, final, completed.named, levels)
+        closed = ledger.simulations.closure(nominal, fitted, ledger.effects(final))
+        simulated = closed.lower > 1.0 - levels.criteria.simulated
     ledger.begun_fits.cancel_all()
     ledger.begun_refinements.cancel_all()
     failures = tuple(ledger.failures.values())
@@ -204,6 +211,7 @@ def select_effects(
         completed,
         ledger.offered,
         ledger.by_simulation,
+        simulated,
     )
 
 

@@ -44,7 +44,7 @@ class HeatTransfer(Effect):
     """
 
     name = "heat_transfer"
-    absorbed_by = Absorption(("k_P", "k_N", "k_P-k_N"))
+    absorbed_by: ClassVar[Absorption | None] = Absorption(("k_P", "k_N", "k_P-k_N"))
     equation = "q −→ q + s ((T/T₀ − 1) min(q, 0) + (γ − 1) h A(x) (T₀ − T)/(γ r T₀)), c_v m Ṫ = …"
     source = (
         "Carneiro and Almeida (2006), Proc. IMechE I 220, 10.1243/09596518JSCE203; "
@@ -115,6 +115,7 @@ class HeatTransferForced(HeatTransfer):
     name = "heat_transfer_forced"
     cause = "heat_transfer"
     generalises = "heat_transfer"
+    absorbed_by = None  # what parameters take up is told of the usual form
     equation = "as `heat_transfer`, with h (1 + b |v/v₀|^0.8) in place of h, v₀ = 0.1 m/s"
     source = (
         "Eichelberg (1939), Engineering 148; Annand (1963), Proc. IMechE 177(1), 973-996: Nu ∝ "
