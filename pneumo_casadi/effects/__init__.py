@@ -54,7 +54,11 @@ from pneumo_casadi.effects.load.elastic_load import ElasticLoad as ElasticLoad
 from pneumo_casadi.effects.load.position_on_elastic_load import (
     PositionOnElasticLoad as PositionOnElasticLoad,
 )
+from pneumo_casadi.effects.load.position_on_elastic_load import (
+    PositionOnGuidedLoad as PositionOnGuidedLoad,
+)
 from pneumo_casadi.effects.load.spring_load import SpringLoad as SpringLoad
+from pneumo_casadi.effects.load.spring_load import SpringLoadProgressive as SpringLoadProgressive
 from pneumo_casadi.effects.load.spring_load import SpringLoadTwoSided as SpringLoadTwoSided
 from pneumo_casadi.effects.sensors.backlash import Backlash as Backlash
 from pneumo_casadi.effects.sensors.position_delay import PositionDelay as PositionDelay

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -41,8 +41,10 @@ class PositionOnElasticLoad(Effect):
     through_states = True
     # Between 70 and 5 Hz in steps of 15 %: wider steps miss the resonance of a light damping. A
     # light load leaves the piston half as far behind as a heavy one.
-    scanned = MappingProxyType({"D": tuple(0.0023 * 1.15**i for i in range(20)), "s": (0.15, 0.5)})
-    parameters = (
+    scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {"D": tuple(0.0023 * 1.15**i for i in range(20)), "s": (0.15, 0.5)}
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "D",
             0.0,
@@ -88,7 +90,7 @@ class PositionOnElasticLoad(Effect):
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Let the load swing under the force that reaches the piston."""
-        F = _force_on_piston(entering["force"], at)
+        F = self._between(entering["force"], at)
         _, m = _times(at)
         return {"e": at["g"] / m, "g": (F - at["e"] - 2 * at["zeta"] * at["g"]) / m}
 
@@ -105,7 +107,56 @@ class PositionOnElasticLoad(Effect):
         """Return the mass times the acceleration that the spring gives to the load."""
         n, m = _times(at)
         through = at["e"] + 2 * at["zeta"] * at["g"]
-        return through + (n / m) ** 2 * (_force_on_piston(F, at) - through)
+        at_load = self._at_load(at)
+        return through + (n / m) ** 2 * (self._between(F, at) - through) - at_load
+
+    def _between(self, F: Expression, at: Scope) -> Expression:
+        """Return the force that parts the two masses, times M over the mass of the piston [N]."""
+        return _force_on_piston(F, at, 1.0)
+
+    def _at_load(self, at: Scope) -> Expression:
+        """Return the friction of the load over its share of the mass [N]; none in this form."""
+        return 0.0
+
+
+class PositionOnGuidedLoad(PositionOnElasticLoad):
+    r"""As `PositionOnElasticLoad`, a share φ of the friction being that of the load's own guide.
+
+    With the friction f(ẋ) of eq. 4, the load feels φ f(ẋ), the piston (1 − φ) f(ẋ_1):
+
+    .. math:: m^2 \ddot e + 2 ζ m \dot e + e = F + rac{φ}{s} f(ẋ), \qquad
+              M \ddot x = e + 2 ζ m \dot e - rac{φ}{s} f(ẋ).
+    """
+
+    name = "position_on_guided_load"
+    cause = "elastic_load"
+    generalises = "position_on_elastic_load"
+    equation = (
+        "as `position_on_elastic_load`, with φ f(ẋ) at the load and (1 − φ) f(ẋ_1) at the piston"
+    )
+    parameters = (
+        *PositionOnElasticLoad.parameters,
+        Parameter(
+            "phi",
+            0.0,
+            "1",
+            lower=0.0,
+            upper=1.0,
+            scale=0.2,
+            null=0.0,
+            start=0.3,
+            description="share of the friction in the guide of the load",
+            source="seals take most of it, guides of heavy loads up to half",
+        ),
+    )
+
+    def _between(self, F: Expression, at: Scope) -> Expression:
+        return _force_on_piston(F, at, 1 - at["phi"]) + self._at_load(at)
+
+    def _at_load(self, at: Scope) -> Expression:
+        axis, direction = at.axis, at.direction
+        dry = axis["F_c_plus"] * (1 + direction) / 2 - axis["F_c_minus"] * (1 - direction) / 2
+        return at["phi"] / at["s"] * (axis["f_v"] * at.v + dry)
 
 
 def _times(at: Scope) -> tuple[Expression, Expression]:
@@ -121,12 +172,13 @@ def _apart(at: Scope) -> tuple[Expression, Expression]:
     return compliance * at["e"], compliance * at["g"] / m
 
 
-def _force_on_piston(F: Expression, at: Scope) -> Expression:
-    """Replace the friction at the velocity of the load by that at the piston's."""
+def _force_on_piston(F: Expression, at: Scope, share: Expression) -> Expression:
+    """Replace a share of the friction at the velocity of the load by that at the piston's."""
     _, sliding = _apart(at)
     axis = at.axis
     change = ca.tanh((at.v + sliding) / axis["v_s"]) - at.direction
-    return F - axis["f_v"] * sliding - (axis["F_c_plus"] + axis["F_c_minus"]) / 2 * change
+    level = (axis["F_c_plus"] + axis["F_c_minus"]) / 2
+    return F - share * (axis["f_v"] * sliding + level * change)
 
 
 def _at_the_load(

@@ -26,6 +26,19 @@ STIFFNESS = Parameter(
     source="100-500 N/m, engineering judgement for hoses and cable chains",
 )
 
+PLACE = Parameter(
+    "x_0",
+    0.0,
+    "m",
+    lower=-1.0,
+    upper=1.0,
+    scale=0.02,
+    null=0.0,
+    start=0.0,
+    description="place where the stiffness changes, from mid-stroke",
+    source="anywhere in the stroke",
+)
+
 
 class SpringLoad(Effect):
     """A linear spring, F = -k x; its force at mid-stroke is a `constant_force`."""
@@ -42,6 +55,40 @@ class SpringLoad(Effect):
     def force(self, F: Expression, at: Scope) -> Expression:
         """Subtract the spring's force."""
         return F - at["k"] * at.x
+
+
+class SpringLoadProgressive(SpringLoad):
+    """A spring that stiffens, or softens, with the way from where it is at rest.
+
+    F = −k (x − x₀) − k₃ (x − x₀)³: a rolled hose, a leaf or conical spring, a rubber buffer.
+    """
+
+    name = "spring_load_progressive"
+    cause = "spring_load"
+    generalises = "spring_load"
+    equation = "F = −k (x − x₀) − k₃ (x − x₀)³"
+    source = "the first odd terms of any symmetrical spring"
+    parameters = (
+        STIFFNESS,
+        Parameter(
+            "k_3",
+            0.0,
+            "N/m3",
+            lower=-1e6,
+            upper=1e6,
+            scale=3000.0,
+            null=0.0,
+            start=0.0,
+            description="progression of the stiffness",
+            source="stiffness that doubles within a tenth to half of the stroke",
+        ),
+        replace(PLACE, description="where the spring is at rest, from mid-stroke"),
+    )
+
+    def force(self, F: Expression, at: Scope) -> Expression:
+        """Subtract the spring's force; that at mid-stroke is a `constant_force`."""
+        way = at.x - at["x_0"]
+        return F - at["k"] * way - at["k_3"] * way**3
 
 
 class SpringLoadTwoSided(SpringLoad):
@@ -62,18 +109,7 @@ class SpringLoadTwoSided(SpringLoad):
     parameters = (
         replace(STIFFNESS, name="k_minus", description="stiffness below the place"),
         replace(STIFFNESS, name="k_plus", description="stiffness beyond the place"),
-        Parameter(
-            "x_0",
-            0.0,
-            "m",
-            lower=-1.0,
-            upper=1.0,
-            scale=0.02,
-            null=0.0,
-            start=0.0,
-            description="place where the stiffness changes, from mid-stroke",
-            source="anywhere in the stroke",
-        ),
+        PLACE,
     )
 
     def force(self, F: Expression, at: Scope) -> Expression:
