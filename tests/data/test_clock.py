@@ -109,6 +109,13 @@ def test_a_clock_taken_as_recorded_keeps_its_stamps_and_splits_at_gaps():
     assert record.window(1e-3, 3e-3)["x"].tolist() == [1.0, 2.0]
 
 
+def test_a_step_of_a_few_milliseconds_is_no_gap_however_fast_the_clock():
+    """Stalls of 2 ms cut a record of 2 kHz into ninety stretches, none of them long enough."""
+    steps = np.where(np.arange(200) % 50 == 25, 2.5e-3, 5e-4)
+    assert split_rows(np.cumsum(steps)) == [slice(0, 200)]
+    assert len(split_rows(np.cumsum(np.where(steps > 1e-3, 6e-3, 5e-4)))) == 5
+
+
 def as_recorded(recording, rate, lost=()):
     """Return the record with its stamps taken as they are, at another rate and without some."""
     rows = np.setdiff1d(np.arange(300), lost)

@@ -258,6 +258,18 @@ def test_conductances_are_read_from_the_records_that_are_fitted(made, monkeypatc
     assert record.t[-1] < (1 - HELD_OUT) * 6.0
 
 
+def test_short_stretches_between_gaps_are_left_out_and_said(made, monkeypatch):
+    given = []
+    monkeypatch.setattr(
+        "pneumo_casadi.diagnosis.prepare.prepare_study.start_study",
+        lambda axis, table, *records: given.extend(records[:2]) or axis,
+    )
+    fitted, held_out = (moving(6.0), moving(1.9)), (moving(0.3), moving(3.0))
+    _, notes = prepare_study(Case(Path("made"), made.FORCE_BENCH, fitted, held_out))
+    assert [record.N for records in given for record in records] == [6000, 3000]
+    assert notes[-1] == "2 of 4 records are shorter than 2 s and are not used"
+
+
 def test_a_record_too_short_to_hold_out_a_part_is_refused_with_its_own_length(made):
     """Of the part that would be held out one cannot tell which record must be longer."""
     case = Case(Path("made"), made.FORCE_BENCH, (moving(4.0),), ())

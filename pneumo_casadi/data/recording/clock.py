@@ -174,9 +174,10 @@ def _check_wander(t: FloatArray, rounding: float, where: Callable[[int], str]) -
         )
 
 
-#: Steps longer than this many usual ones are gaps: over a shorter one an input that is held is
-#: known well enough, because a controller's command changes little within three samples.
-GAP = 3.5
+#: Steps longer than this many usual ones, and than this time [s], are gaps: over a shorter one an
+#: input that is held is known well enough. A controller's command changes little within three
+#: samples, and little more in a tenth of what an axis takes to answer.
+GAP, GAP_TIME = 3.5, 5e-3
 
 
 def split_rows(t: FloatArray) -> list[slice]:
@@ -188,7 +189,8 @@ def split_rows(t: FloatArray) -> list[slice]:
     [slice(0, 4, None), slice(4, 6, None)]
     """
     intervals = np.diff(t)
-    edges = [0, *(np.flatnonzero(intervals > GAP * np.median(intervals)) + 1).tolist(), t.size]
+    longest = max(GAP * float(np.median(intervals)), GAP_TIME)
+    edges = [0, *(np.flatnonzero(intervals > longest) + 1).tolist(), t.size]
     return [slice(first, last) for first, last in pairwise(edges)]
 
 

@@ -43,9 +43,11 @@ def prepare_study(
     Raises
     ------
     CaseError
-        If a record is too short or shows no motion, or those to fit differ in sampling frequency.
+        If all records are too short, one shows no motion, or those to fit differ in sampling
+        frequency.
     """
     case, unused = _without_motion_sensors(case)
+    case, short = _without_short_records(case)
     train, held, notes = split_records(case)
     train, held = _from_zero(train, held)
     require_one_frequency(train)
@@ -53,7 +55,7 @@ def prepare_study(
     axis = make_axis(case, flow)
     require_usable((*train, *held), axis.outputs)
     axis = with_flow_from_records(axis, train)
-    return start_study(axis, table, train, held, criteria), (*unused, *notes)
+    return start_study(axis, table, train, held, criteria), (*unused, *short, *notes)
 
 
 def _without_motion_sensors(case: Case) -> tuple[Case, tuple[str, ...]]:
@@ -73,6 +75,24 @@ def _without_motion_sensors(case: Case) -> tuple[Case, tuple[str, ...]]:
     note = f"{', '.join(unused)}: recorded but not used; the motion is that of the position sensor"
     plain_case = replace(case, bench=plain, identify=fitted, validate=held_out)
     return plain_case, ((note,) if unused else ())
+
+
+def _without_short_records(case: Case) -> tuple[Case, tuple[str, ...]]:
+    """Return a case without records that are too short, with a note, where others are not.
+
+    Gaps leave short stretches of a record whose clock is taken as recorded.
+    """
+    shortest = (SHORTEST if case.validate else SHORTEST / HELD_OUT) * (1 - ROUNDING)
+    every = (*case.identify, *case.validate)
+    fitted, held_out = (
+        tuple(record for record in records if record.duration >= shortest) or records
+        for records in (case.identify, case.validate)
+    )
+    left_out = len(every) - len(fitted) - len(held_out)
+    if not left_out:
+        return case, ()
+    note = f"{left_out} of {len(every)} records are shorter than {shortest:.3g} s and are not used"
+    return replace(case, identify=fitted, validate=held_out), (note,)
 
 
 def _from_zero(*parts: Sequence[Recording]) -> list[list[Recording]]:
