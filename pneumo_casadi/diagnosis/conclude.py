@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.decision import NAMING, Decision, decide_verdict
-from pneumo_casadi.diagnosis.decide.judgement import open_balances
 from pneumo_casadi.diagnosis.decide.shared_cause import rather_one_cause
+from pneumo_casadi.diagnosis.decide.what_is_left import open_balances
 from pneumo_casadi.diagnosis.discover.beside import Discovery, discover_beside
 from pneumo_casadi.diagnosis.discover.rival_term import find_rival_term
 from pneumo_casadi.diagnosis.metrics.findings import Check
@@ -77,11 +77,11 @@ def conclude(
 
 
 def _left_open(study: Study, selection: Selection) -> tuple[str, ...]:
-    """Return the note on balances in which more acts than is named; none without any."""
+    """Return the note on balances that keep a gap beside the effects named; none without any."""
     names = [study.axis.equations[row].replace("_", " ") for row in open_balances(selection)]
     if not names:
         return ()
     return (
-        f"a gap is left in {' and '.join(names)} that no effect named touches: something acts "
-        "there besides, which nothing in the catalogue explains",
+        f"a gap is left in {' and '.join(names)}, small beside the one that is explained: a coarse "
+        "flow map, or something that acts there besides",
     )

@@ -32,8 +32,8 @@ LACKS = (
 )
 TAKEN_UP = "The fit has taken up in %s what the model lacks; do not use them."
 WITHOUT_WEAK = (
-    "The model is without %s, found to act besides: output error over whole records did not "
-    "settle with that."
+    "The model is without %s, which the diagnosis had besides: output error over whole records "
+    "did not settle with that."
 )
 
 

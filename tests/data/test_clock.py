@@ -159,6 +159,22 @@ def test_single_samples_that_come_late_and_do_not_catch_up_keep_the_clock(bench)
     _check_clock(record, bench)
 
 
+@pytest.mark.parametrize(
+    "steps",
+    [
+        lambda rng: np.where(rng.uniform(size=2000) < 0.4, 1.4e-3, 1e-3),  # 860 Hz
+        lambda rng: np.diff(np.arange(301) / 980.0 + 1e-4 * rng.standard_normal(301)),
+    ],
+    ids=["two steps", "slow and scattered"],
+)
+def test_another_clock_is_refused_however_usual_one_of_its_steps_is(bench, steps):
+    t = np.cumsum(steps(np.random.default_rng(3)))
+    channels = {name: np.sin(t) for name in ("u_P", "u_N", "p_P", "p_N", "x")}
+    record = Recording(t, channels, "other", "memory", InputHold.ZERO, clock=Clock.AS_RECORDED)
+    with pytest.raises(CaseError, match="the bench samples at 1000 Hz"):
+        _check_clock(record, bench)
+
+
 @pytest.mark.parametrize("rate", [990.0, 1010.0, 500.0])
 def test_a_clock_as_recorded_of_another_frequency_is_refused(recording, bench, rate):
     with pytest.raises(CaseError, match=r"Hz, but the bench samples at 1000 Hz; correct `t` or"):

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis.decide.judgement import decided_by_simulation, judge
+from pneumo_casadi.diagnosis.decide.judgement import judge
+from pneumo_casadi.diagnosis.decide.what_is_left import decided_by_simulation
 from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict

@@ -15,13 +15,8 @@ from pneumo_casadi.diagnosis import Check, Location, Verdict
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_parameters
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
-from pneumo_casadi.diagnosis.decide.judgement import (
-    Judgement,
-    judge,
-    missed_gain,
-    open_balances,
-    unexplained,
-)
+from pneumo_casadi.diagnosis.decide.judgement import Judgement, judge, missed_gain
+from pneumo_casadi.diagnosis.decide.what_is_left import open_balances, unexplained
 from pneumo_casadi.diagnosis.locate.locate import balance_of_gap, rival_sensor_effects
 from pneumo_casadi.diagnosis.locate.signatures import Signatures
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
@@ -271,6 +266,32 @@ def test_a_balance_that_no_effect_touches_casts_no_doubt_where_simulations_are_e
     judgement = judge(chosen, (EFFECTS["position_friction"](),))
     assert judgement.verdict is (Verdict.EFFECT if simulated else Verdict.UNKNOWN)
     assert judgement.probability[ONE[0]] == pytest.approx(0.75 if simulated else 0.08)
+
+
+@pytest.mark.parametrize(
+    ("nominal", "final", "kept"),
+    [
+        ((2.7, 0, 10), (2.7, 0, 1), True),
+        ((3.3, 0, 10), (3.3, 0, 1), False),  # it was no small one
+        ((2.4, 0, 10), (2.7, 0, 1), False),  # the effects named have made it larger
+        ((0, 0, 10), (2.7, 0, 1), False),
+    ],
+)
+def test_a_small_gap_alone_may_be_kept(nominal, final, kept):
+    before, after = (fitted(*map(with_gap, gaps)) for gaps in (nominal, final))
+    chosen = replace(selected(before, {ONE[0]: after}, ONE), simulated=True)
+    assert open_balances(chosen) == ((0,) if kept else ())
+    verdict = judge(chosen, (EFFECTS["position_friction"](),)).verdict
+    assert verdict is (Verdict.EFFECT if kept else Verdict.UNKNOWN)
+
+
+def test_a_gap_that_is_kept_beside_contradicted_parameters_is_not_believed():
+    before, after = (fitted(*map(with_gap, gaps)) for gaps in ((2.7, 0, 10), (2.7, 0, 0.5)))
+    chosen = replace(selected(before, {ONE[0]: after}, ONE), simulated=True)
+    judgement = judge(chosen, (EFFECTS["position_friction"](),))
+    assert judgement.unexplained < CRITERIA.contradicted and judgement.left_open == 1.0
+    assert review_verdict(judgement, failing("M"), EFFECTS)[0] is Verdict.UNKNOWN
+    assert review_verdict(judgement, (), EFFECTS)[0] is Verdict.EFFECT
 
 
 @pytest.mark.parametrize(("flow", "expected"), [(2.0, 1.0), (1.8, 0.0)])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import Case, InputHold, Recording
+from pneumo_casadi.data import Case, Clock, InputHold, Recording
 from pneumo_casadi.diagnosis import Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.prepare_study import HELD_OUT, split_records
@@ -258,16 +258,29 @@ def test_conductances_are_read_from_the_records_that_are_fitted(made, monkeypatc
     assert record.t[-1] < (1 - HELD_OUT) * 6.0
 
 
-def test_short_stretches_between_gaps_are_left_out_and_said(made, monkeypatch):
-    given = []
-    monkeypatch.setattr(
-        "pneumo_casadi.diagnosis.prepare.prepare_study.start_study",
-        lambda axis, table, *records: given.extend(records[:2]) or axis,
+def test_short_stretches_between_gaps_are_left_out_and_said(made):
+    def stretch(seconds):
+        return replace(moving(seconds), clock=Clock.AS_RECORDED)
+
+    case = Case(
+        Path("made"), made.FORCE_BENCH, (stretch(6.0), stretch(1.9)), (stretch(0.3), stretch(3.0))
     )
-    fitted, held_out = (moving(6.0), moving(1.9)), (moving(0.3), moving(3.0))
-    _, notes = prepare_study(Case(Path("made"), made.FORCE_BENCH, fitted, held_out))
-    assert [record.N for records in given for record in records] == [6000, 3000]
-    assert notes[-1] == "2 of 4 records are shorter than 2 s and are not used"
+    fitted, held_out, notes = split_records(case)
+    assert [[record.N for record in records] for records in (fitted, held_out)] == [[6000], [3000]]
+    assert notes[0] == (
+        "identify.csv: 1 of 2 stretches between gaps, 1.9 of 7.9 s, are shorter than 2 s and are "
+        "not used"
+    )
+    # Without a validation record a part of each is held out, which must be long enough.
+    fitted, held_out, notes = split_records(
+        replace(case, identify=(stretch(6.0), stretch(4.5)), validate=())
+    )
+    assert [record.N for record in (*fitted, *held_out)] == [3600, 2400]
+    assert "shorter than 5 s" in notes[0] and "no validation record" in notes[1]
+    # A record of its own that is too short is refused: its user can record anew.
+    uniform = replace(case, identify=(moving(6.0), moving(4.5)), validate=())
+    with pytest.raises(CaseError, match=r"4\.5 s without a validation record"):
+        split_records(uniform)
 
 
 def test_a_record_too_short_to_hold_out_a_part_is_refused_with_its_own_length(made):

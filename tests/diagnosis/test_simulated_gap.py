@@ -16,7 +16,9 @@ from pneumo_casadi.diagnosis.metrics.simulated_fit import (
     simulate_fit,
     simulate_loop,
 )
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, gap_with_term, simulated_gap
+from pneumo_casadi.diagnosis.metrics.simulated_gap import gap_with_term, simulated_gap
+from pneumo_casadi.diagnosis.metrics.simulations import Simulations
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import Term, term_effect
@@ -115,6 +117,30 @@ def test_a_gap_is_shown_beside_the_noise_and_by_simulations_alone(
     floor = 100 * np.array(noise) / signal_stds(sound_study)
     done.keep(nominal, Simulated(np.tile((1 + floors**2) * floor**2, (3, 1))), WINDOW)
     assert done.alone_show_gap(nominal, levels) is shown
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "windows", "explained"),
+    [
+        ((20, 20, 20), (2, 2, 2), 40, True),
+        ((20, 20, 20), (9, 9, 9), 40, False),  # too much is left
+        ((20, 20, 8), (1, 1, 8), 40, False),  # one output keeps its error
+        ((20, 20, 1), (1, 1, 1), 40, True),  # ... unless it is within the noise
+        ((1, 1, 1), (0.1, 0.1, 0.1), 40, False),  # there was no visible gap
+        ((20, 20, 20), (2, 2, 2), 4, False),  # too few windows for an interval
+    ],
+)
+def test_simulations_are_surely_explained_in_every_output(
+    sound_study, before, after, windows, explained
+):
+    """Sizes are those beside the noise, in floors."""
+    done, models = Simulations(sound_study), (object(), object())
+    noise = [output_noise(sound_study.axis, sound_study.held_out, n) for n in ("p_P", "p_N", "x")]
+    floor = 100 * np.array(noise) / signal_stds(sound_study)
+    for model, sizes in zip(models, (before, after), strict=True):
+        squares = (1 + np.square(sizes)) * floor**2
+        done.keep(model, Simulated(np.tile(squares, (windows, 1))), WINDOW)
+    assert done.surely_explained(*models, (), CRITERIA) is explained
 
 
 def test_what_is_simulated_elsewhere_is_waited_for_once(sound_study):

@@ -10,9 +10,12 @@ from pneumo_casadi.effects import (
     ElasticLoad,
     GainError,
     PositionDelay,
+    PositionOnGuidedLoad,
     PressureSensorBias,
     PressureSensorLag,
     SpringLoad,
+    SpringLoadProgressive,
+    SpringLoadTwoSided,
 )
 from pneumo_casadi.model.simulation import simulate
 
@@ -39,6 +42,49 @@ def test_a_spring_conserves_energy_and_swings_at_its_frequency(made):
     energy = 0.5 * M * run["v"] ** 2 + 0.5 * 400.0 * run["x"] ** 2
     np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
     np.testing.assert_allclose(run["x"], 0.05 * np.cos(np.sqrt(400.0 / M) * run.t), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "force"),
+    [
+        (SpringLoadProgressive, {"k": 100.0, "k_3": 1e4, "x_0": 0.02}, {0.12: -20.0, -0.08: 20.0}),
+        (SpringLoadTwoSided, {"k_minus": 50.0, "k_plus": 300.0}, {0.1: -30.0, -0.1: 5.0}),
+        (SpringLoadTwoSided, {"k_plus": 300.0, "x_0": 0.04}, {0.1: -18.0, -0.1: 0.0}),
+    ],
+)
+def test_a_spring_pulls_back_by_its_law_on_either_side(made, effect, values, force):
+    own = {f"{effect.name}.{name}": value for name, value in values.items()}
+    axis = made.true_force_axis(effect()).with_parameters(SMOOTH | own)
+    for x, expected in force.items():
+        acceleration = float(axis.rhs([x, 0.0], [0.0], axis.parameters.values)[1])
+        assert axis.parameters["M"].value * acceleration == pytest.approx(expected, abs=0.01)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.3, 1.0])
+def test_friction_of_a_guided_load_acts_at_its_own_velocity(made, phi):
+    """Both masses together get the force less friction at the velocity of each; rigid, at one."""
+    own = {"D": 0.05, "s": 0.4, "zeta": 0.05, "phi": phi}
+    axis = made.true_axis(PositionOnGuidedLoad()).with_parameters(
+        {"F_c_plus": 0.0, "F_c_minus": 0.0, "f_v": 40.0}
+        | {f"position_on_guided_load.{name}": value for name, value in own.items()}
+    )
+    x, u = [4.2e5, 5.1e5, 0.02, 0.3], [0.2, -0.2]
+    M, f_v = axis.parameters["M"].value, axis.parameters["f_v"].value
+    g = 40.0
+    rates = axis.rhs([*x, 35.0, g], u, axis.parameters.values).full().ravel()
+    compliance = 0.05**2 / (0.6 * M)
+    sliding, parting = compliance * np.array([g, rates[5]]) / 0.05
+    nominal = made.true_axis().with_parameters({"F_c_plus": 0.0, "F_c_minus": 0.0, "f_v": 0.0})
+    driving = M * float(nominal.rhs(x, u, nominal.parameters.values)[3])
+    friction = f_v * (phi * x[3] + (1 - phi) * (x[3] + sliding))
+    together = 0.4 * M * rates[3] + 0.6 * M * (rates[3] + parting)
+    assert together == pytest.approx(driving - friction, rel=2e-3)
+    at_rest = axis.rest(x, u, axis.parameters.values)
+    assert axis.rhs(at_rest, u, axis.parameters.values).full().ravel()[4:] == pytest.approx(0.0)
+    rigid = axis.with_parameters({"position_on_guided_load.D": 0.0})
+    plain = nominal.with_parameters({"f_v": f_v})
+    moved = rigid.rhs(at_rest, u, rigid.parameters.values).full().ravel()[:4]
+    assert moved == pytest.approx(plain.rhs(x, u, plain.parameters.values).full().ravel())
 
 
 def test_an_elastic_load_conserves_momentum_and_loses_what_its_damper_takes(made):

@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from pneumo_casadi.effects import (
     ExhaustRestriction,
     HeatTransfer,
+    HeatTransferForced,
     Hose,
     HoseSensorAtValve,
     LeakageN,
@@ -429,3 +430,13 @@ def test_growing_capacities_do_not_shrink_the_residual_of_a_hose_with_its_sensor
         (r,) = model.functions["residual"].evaluate(1, *given, model.constant_values, theta)
         sizes.append(abs(r[0, 0]))
     assert sizes[1] > 0.5 * sizes[0]
+
+
+@pytest.mark.parametrize(("v", "stirred"), [(0.0, 1.0), (0.1, 3.0), (-0.2, 1.0 + 2.0 * 2**0.8)])
+def test_the_piston_stirs_the_air_by_its_speed_to_the_power_of_eight_tenths(v, stirred):
+    class At(dict):
+        """Parameters, and the velocity."""
+
+    at = At(h=50.0, b=2.0)
+    at.v = v
+    assert HeatTransferForced().coefficient(at) == pytest.approx(50.0 * stirred, rel=0.02)

@@ -7,6 +7,7 @@ from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import (
     FlowMapShape,
     ValveDeadZone,
+    ValveDeadZonePerEdge,
     ValveDynamics,
     ValveHysteresis,
     ValveMismatch,
@@ -210,3 +211,16 @@ def test_the_shape_of_a_valve_metered_on_one_side_is_the_generic_bend():
 def test_the_generic_bend_opens_by_its_square(made):
     axis = made_with(made, FlowMapShape(), c_plus=0.05, c_minus=0.02)
     np.testing.assert_allclose(opening(axis, [2.0, -2.0]), [2.2, -2.08], rtol=1e-9)
+
+
+def test_each_edge_of_each_valve_opens_beyond_its_own_overlap(made):
+    overlaps = {
+        "delta_P_plus": 0.1,
+        "delta_P_minus": 0.2,
+        "delta_N_plus": 0.3,
+        "delta_N_minus": 0.4,
+    }
+    axis = made_with(made, ValveDeadZonePerEdge(), **overlaps)
+    np.testing.assert_allclose(opening(axis, [0.7, 0.7]), [0.6, 0.4], atol=1e-4)
+    np.testing.assert_allclose(opening(axis, [-0.7, -0.7]), [-0.5, -0.3], atol=1e-4)
+    np.testing.assert_allclose(opening(axis, [0.05, -0.3]), [0.0, 0.0], atol=1e-4)

@@ -99,7 +99,10 @@ def test_weak_effects_of_the_final_model_are_told_and_not_named():
 def test_what_corrects_the_flow_map_is_not_told_as_probably_there():
     *_, weak, sentence = cause_sentences(made.CORRECTED)
     assert "shape" not in weak
-    assert sentence == "Flow map shape besides: what the form of the flow map misses, and no cause."
+    assert (
+        sentence == "Flow map shape corrects what the form of the flow map misses, and is no cause."
+    )
+    assert "<dt>Corrects the flow map</dt>" in diagnosis_html(made.CORRECTED, {})
     assert made.CORRECTED.final_effects[-1].name == "flow_map_shape"
     assert [item["name"] for item in made.CORRECTED.as_dict()["corrections"]] == ["flow_map_shape"]
 

@@ -32,7 +32,7 @@ from pneumo_casadi.data.readers.columns import COLUMNS_FILE
 from pneumo_casadi.data.readers.recordings import FEWEST_ROWS
 from pneumo_casadi.data.readers.tables import read_table, suffix_of
 from pneumo_casadi.data.recording.channels import UNITS, column_name
-from pneumo_casadi.data.recording.clock import CLOCK_TOLERANCE, Clock, usual_step
+from pneumo_casadi.data.recording.clock import CLOCK_TOLERANCE, RARE, Clock, usual_step
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 
@@ -40,8 +40,9 @@ log = logging.getLogger(__name__)
 
 #: Standard deviations of what jitter may add to the mean step of a short record.
 SIGMAS_OF_JITTER = 4.0
-#: Share of the median step within which a step of a clock as recorded is a usual one.
-NEAR = 0.25
+#: Share of the median step within which a step of a clock as recorded is a usual one, and what
+#: jitter may add to the mean of these at most.
+NEAR, MOST_JITTER = 0.25, 0.01
 SHARED = 0.1
 """Share of unique rows that two records do not have in common by chance."""
 OF_ALL_RECORDS = frozenset({"map of another valve", "swapped areas", "ratio of the areas"})
@@ -289,11 +290,13 @@ def _check_clock(recording: Recording, bench: AnyBench) -> None:
         step = float(np.mean(intervals))
         counts = np.maximum(np.round(intervals / np.median(intervals)), 1.0)
         complete = float(np.sum(intervals) / np.sum(counts))
-        usual, spread = usual_step(intervals, near=NEAR)
+        usual, spread, share = usual_step(intervals, near=NEAR)
         # Lateness cancels in the mean of all steps, and not in that of some.
         jitter = SIGMAS_OF_JITTER * float(np.std(intervals)) / (intervals.size * step)
-        of_some = SIGMAS_OF_JITTER * spread / (intervals.size**0.5 * step)
-        fits = [(step, jitter), (complete, jitter), (usual, of_some)]
+        of_some = SIGMAS_OF_JITTER * spread / ((share * intervals.size) ** 0.5 * step)
+        fits = [(step, jitter), (complete, jitter)]
+        if share >= 1 - RARE:  # else another clock, with steps now of one length and now of another
+            fits.append((usual, min(of_some, MOST_JITTER)))
     recorded, expected = 1 / step, bench.sampling_frequency
     if any(abs(1 / (s * expected) - 1) <= CLOCK_TOLERANCE + more for s, more in fits):
         return

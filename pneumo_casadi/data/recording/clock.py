@@ -64,7 +64,7 @@ def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
     """
     intervals = np.diff(t)
     check_forward(t, where)
-    dt, _ = usual_step(intervals)
+    dt, *_ = usual_step(intervals)
     rounding = _rounding(t, dt)
     _check_steps(t, intervals, dt, rounding, where)
     _check_wander(t, rounding, where)
@@ -105,10 +105,10 @@ def check_forward(t: FloatArray, where: Callable[[int], str]) -> None:
         )
 
 
-def usual_step(intervals: FloatArray, near: float = 0.6) -> tuple[float, float]:
-    """Return mean and spread of the steps near the median.
+def usual_step(intervals: FloatArray, near: float = 0.6) -> tuple[float, float, float]:
+    """Return the mean [s] and the spread [s] of the steps near the median, and their share [1].
 
-    Jumps do not move it, rounding averages out.
+    Jumps do not move the mean, rounding averages out.
 
     Parameters
     ----------
@@ -120,12 +120,12 @@ def usual_step(intervals: FloatArray, near: float = 0.6) -> tuple[float, float]:
     Examples
     --------
     >>> steps = np.array([0.9, 1.1, 1.0, 1.4, 1.0])
-    >>> [round(float(value), 3) for value in (*usual_step(steps), *usual_step(steps, near=0.25))]
-    [1.08, 0.172, 1.0, 0.071]
+    >>> [round(value, 3) for value in (*usual_step(steps), *usual_step(steps, near=0.25))]
+    [1.08, 0.172, 1.0, 1.0, 0.071, 0.8]
     """
     median = np.median(intervals)
     usual = intervals[np.abs(intervals - median) < near * median]
-    return float(usual.mean()), float(usual.std())
+    return float(usual.mean()), float(usual.std()), usual.size / intervals.size
 
 
 def _rounding(t: FloatArray, dt: float) -> float:
@@ -174,10 +174,11 @@ def _check_wander(t: FloatArray, rounding: float, where: Callable[[int], str]) -
         )
 
 
-#: Steps longer than this many usual ones, and than this time [s], are gaps: over a shorter one an
-#: input that is held is known well enough. A controller's command changes little within three
-#: samples, and little more in a tenth of what an axis takes to answer.
-GAP, GAP_TIME = 3.5, 5e-3
+#: Steps longer than this many usual ones, and than this time [s], are gaps, and all longer than so
+#: many: over a shorter one an input that is held is known well enough. A controller's command
+#: changes little within three samples, and at a fast clock within a few milliseconds: position and
+#: pressures answer it within tens of them.
+GAP, GAP_TIME, GAP_MOST = 3.5, 5e-3, 10.5
 
 
 def split_rows(t: FloatArray) -> list[slice]:
@@ -189,7 +190,8 @@ def split_rows(t: FloatArray) -> list[slice]:
     [slice(0, 4, None), slice(4, 6, None)]
     """
     intervals = np.diff(t)
-    longest = max(GAP * float(np.median(intervals)), GAP_TIME)
+    usual = float(np.median(intervals))
+    longest = max(GAP * usual, min(GAP_TIME, GAP_MOST * usual))
     edges = [0, *(np.flatnonzero(intervals > longest) + 1).tolist(), t.size]
     return [slice(first, last) for first, last in pairwise(edges)]
 

@@ -104,7 +104,7 @@ def review_verdict(
     # Where the flows are explained, a piston N that is off is no misfit of an effect's form.
     implausible = bool(far or "M" in failed) and not (valve_N and judgement.explains_flows)
     if verdict is not Verdict.UNKNOWN and is_unknown(
-        judgement.unexplained,
+        max(judgement.unexplained, judgement.left_open),
         visible=False,  # `judge` has asked what is left; here only the parameters count
         implausible=implausible,
         criteria=judgement.criteria,

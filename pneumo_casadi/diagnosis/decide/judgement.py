@@ -6,13 +6,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.decide.unknown import is_unknown
+from pneumo_casadi.diagnosis.decide.what_is_left import (
+    decided_by_simulation,
+    leaves_too_much,
+    left_by_one_form,
+    left_is_visible,
+    left_open,
+    open_balances,
+    unexplained,
+)
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     gaps,
-    leaves_too_much,
     log_likelihood_gain,
     residual_rms,
     share_left,
-    shares_left,
 )
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
@@ -20,7 +27,6 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.model.junctions import MECHANICAL, Junction
 from pneumo_casadi.parameters import FloatArray
 
 #: Probability of the best model if no effect of the catalogue explains the gap. Of 38 such cases on
@@ -42,6 +48,8 @@ class Judgement:
         Of every model fitted.
     unexplained : float
         Share of the gap that the best model leaves in its worst balance.
+    left_open : float
+        The same in the worst of the balances that may keep a small gap; see `open_balances`.
     excess : (ne,) array
         Held-out residuals of the nominal model over the noise floor.
     gap : (ne,) array
@@ -64,6 +72,7 @@ class Judgement:
     criteria: Criteria = CRITERIA
     undecided: Names = ()
     explains_flows: bool = False
+    left_open: float = 0.0
 
 
 def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False) -> Judgement:
@@ -92,16 +101,23 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
     order = sorted(weights, key=lambda key: -weights[key])
     alike = _alternatives(selection, [key for key in order if weights[key] >= criteria.alike])
     unsure = _unsure(selection, weights, trust)
-    explained = _explains_flows(selection)
-    if len(unsure) == len(selection.named):  # one of several stands for the verdict
-        return Judgement(
-            Verdict.AMBIGUOUS, alike, weights, left, excess, gap, criteria, (), explained
-        )
     matters, shares = criteria.matters, selection.contributions
     weak = {name for name in unsure if shares.get(name, 1.0) < matters}
     sure = probability_of(weights, set(selection.named) - weak) >= criteria.alone * trust
-    verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
-    return Judgement(verdict, alike, weights, left, excess, gap, criteria, unsure, explained)
+    if len(unsure) == len(selection.named):  # one of several stands for the verdict
+        unsure, sure = (), False
+    return Judgement(
+        Verdict.EFFECT if sure else Verdict.AMBIGUOUS,
+        alike,
+        weights,
+        left,
+        excess,
+        gap,
+        criteria,
+        unsure,
+        _explains_flows(selection),
+        left_open(selection),
+    )
 
 
 def _explains_flows(selection: Selection) -> bool:
@@ -158,81 +174,16 @@ def probability_of(weights: Mapping[Names, float], names: Collection[str]) -> fl
     return sum(weight for key, weight in weights.items() if set(key) >= set(names))
 
 
-def left_by_one_form(selection: Selection, named: Sequence[Effect]) -> float:
-    """Return the share of the gap left where effects of one form alone act, clear of the noise.
-
-    Balance by balance: friction of another law leaves nothing in the mass flows.
-    """
-    levels = selection.levels
-    shares = shares_left(selection.nominal, selection.final, levels)
-    clear = levels.exceeded(residual_rms(selection.final), levels.criteria.clear)
-    is_force = np.arange(len(shares)) == len(shares) - 1
-    here = [[effect for effect in named if _acts_in(effect, force)] for force in is_force]
-    certain = [bool(acting) and all(effect.one_form for effect in acting) for acting in here]
-    return float(np.max(shares * clear * certain))
-
-
-def _acts_in(effect: Effect, force: bool) -> bool:
-    """Return whether an effect acts in the force balance, or in a mass flow; a sensor's in both."""
-    junctions = set(effect.junctions)
-    at = junctions & MECHANICAL if force else junctions - MECHANICAL
-    return bool(at) or Junction.OUTPUT in junctions
-
-
-def decided_by_simulation(selection: Selection) -> bool:
-    """Return whether simulations tell what is left, since balances tell little of the motion.
-
-    Or since the balances have shown no gap.
-    """
-    simulated = selection.gap_left.get(selection.chosen, 1.0)
-    refined = selection.chosen in selection.output_error_fits
-    return simulated < selection.levels.criteria.simulated or (
-        refined and (len(selection.chosen) > 1 or selection.by_simulation)
-    )
-
-
-def left_is_visible(selection: Selection) -> bool:
-    """Return whether what the final model leaves too much of is clear of the noise."""
-    if not selection.path:
-        return True
-    return _leaves_too_much(selection, selection.final)
-
-
-def unexplained(selection: Selection) -> float:
-    """Return the share of the held-out gap that the final model leaves, in the worst balance.
-
-    See `share_left`; a balance that only is clear of the noise does not count where simulations are
-    explained. The gap of a sensor effect is visible in simulations only: if simulations have
-    decided the selection, the share of the simulated gap is returned.
-    """
-    if decided_by_simulation(selection):
-        return selection.gap_left.get(selection.chosen, 1.0)
-    clear = not selection.simulated
-    return share_left(selection.nominal, selection.final, selection.levels, clear)
-
-
-def open_balances(selection: Selection) -> tuple[int, ...]:
-    """Return the balances in which the effects named leave a gap that is none of theirs."""
-    levels, unexplained = selection.levels, selection.levels.criteria.unexplained
-    if not selection.simulated or decided_by_simulation(selection):
-        return ()
-    main, every = (
-        shares_left(selection.nominal, selection.final, levels, clear) > unexplained
-        for clear in (False, True)
-    )
-    return tuple(int(row) for row in np.flatnonzero(every & ~main))
-
-
 def _trust(left: float, selection: Selection) -> float:
     """Return the probability that the cause is in the catalogue, from the share left.
 
     Of 134 causes named on the virtual bench, 98 % were right if no balance kept more than filters
     and noise leave, 95 % if less than a twentieth of the gap was left, 72 % if more was left.
     Of an effect found by simulation alone, the balances say nothing. What is left in a balance that
-    no effect touches is doubt as well.
+    may keep a gap is doubt as well.
     """
     levels = selection.levels
-    if not decided_by_simulation(selection):
+    if open_balances(selection):
         left = share_left(selection.nominal, selection.final, levels, clear=True)
     unclean = np.any(levels.exceeded(residual_rms(selection.final), levels.criteria.clean))
     doubt = 1.5 * left if unclean or selection.by_simulation else 0.0
@@ -263,12 +214,7 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
 def _explains(selection: Selection, fitted: FittedModel) -> bool:
     """Return whether a model explains the gap; where simulations have decided, they tell."""
     decided = selection.chosen in selection.output_error_fits
-    return decided or not _leaves_too_much(selection, fitted)
-
-
-def _leaves_too_much(selection: Selection, fitted: FittedModel) -> bool:
-    clear = not selection.simulated
-    return leaves_too_much(selection.nominal, fitted, selection.levels, clear)
+    return decided or not leaves_too_much(selection, fitted)
 
 
 def missed_gain(selection: Selection, best: Names, other: Names) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from pneumo_casadi.data.recording.curves import Curves
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
+from pneumo_casadi.diagnosis.metrics.simulations import Simulations
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.validation.simulations import window_curves

@@ -56,8 +56,8 @@ class Criteria:
         it, and share of what was left that a further effect may leave; the latter also of a visible
         gap of the force balance. Of eight large forces of a form that no effect has, what was left
         fell by no other effect; of true second forces it fell to 0.6. A model that surely leaves
-        less than the former is named though a balance keeps a gap that no effect touches: three
-        axes of another program left 0.18 at most, a wrong model of the virtual bench 0.5.
+        less than the former is named though a balance keeps a small gap: three axes of another
+        program left 0.18 at most, a wrong model of the virtual bench 0.5.
     unexplained : float
         Share of the gap that effects may leave and still explain it; more has another cause. So
         may a discovered term by itself (curves over signals that merely follow a cause closed up to

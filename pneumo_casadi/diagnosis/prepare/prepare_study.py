@@ -43,11 +43,9 @@ def prepare_study(
     Raises
     ------
     CaseError
-        If all records are too short, one shows no motion, or those to fit differ in sampling
-        frequency.
+        If a record is too short or shows no motion, or those to fit differ in sampling frequency.
     """
     case, unused = _without_motion_sensors(case)
-    case, short = _without_short_records(case)
     train, held, notes = split_records(case)
     train, held = _from_zero(train, held)
     require_one_frequency(train)
@@ -55,7 +53,7 @@ def prepare_study(
     axis = make_axis(case, flow)
     require_usable((*train, *held), axis.outputs)
     axis = with_flow_from_records(axis, train)
-    return start_study(axis, table, train, held, criteria), (*unused, *short, *notes)
+    return start_study(axis, table, train, held, criteria), (*unused, *notes)
 
 
 def _without_motion_sensors(case: Case) -> tuple[Case, tuple[str, ...]]:
@@ -77,24 +75,6 @@ def _without_motion_sensors(case: Case) -> tuple[Case, tuple[str, ...]]:
     return plain_case, ((note,) if unused else ())
 
 
-def _without_short_records(case: Case) -> tuple[Case, tuple[str, ...]]:
-    """Return a case without records that are too short, with a note, where others are not.
-
-    Gaps leave short stretches of a record whose clock is taken as recorded.
-    """
-    shortest = (SHORTEST if case.validate else SHORTEST / HELD_OUT) * (1 - ROUNDING)
-    every = (*case.identify, *case.validate)
-    fitted, held_out = (
-        tuple(record for record in records if record.duration >= shortest) or records
-        for records in (case.identify, case.validate)
-    )
-    left_out = len(every) - len(fitted) - len(held_out)
-    if not left_out:
-        return case, ()
-    note = f"{left_out} of {len(every)} records are shorter than {shortest:.3g} s and are not used"
-    return replace(case, identify=fitted, validate=held_out), (note,)
-
-
 def _from_zero(*parts: Sequence[Recording]) -> list[list[Recording]]:
     """Return the records on a clock that begins with the first of them.
 
@@ -114,7 +94,10 @@ def _begun(record: Recording, first: float) -> Recording:
 def split_records(
     case: Case,
 ) -> tuple[Sequence[Recording], Sequence[Recording], tuple[str, ...]]:
-    """Return the records to fit and those held out, with a note where a record was split.
+    """Return the records to fit and those held out, with notes on what was split or left out.
+
+    Gaps leave stretches of a record whose clock is taken as recorded: those that are too short are
+    left out where others are not.
 
     Raises
     ------
@@ -122,8 +105,11 @@ def split_records(
         If what would be held out of a record is too short.
     """
     if case.validate:
-        return case.identify, case.validate, ()
-    for record in case.identify:
+        fitted, short = _long_stretches(case.identify, SHORTEST)
+        held, more = _long_stretches(case.validate, SHORTEST)
+        return fitted, held, (*short, *more)
+    fitted, short = _long_stretches(case.identify, SHORTEST / HELD_OUT)
+    for record in fitted:
         if HELD_OUT * record.duration < SHORTEST * (1 - ROUNDING):
             raise CaseError(
                 f"{record.source}: {record.duration:.3g} s without a validation record are too "
@@ -131,11 +117,34 @@ def split_records(
                 f"at least {SHORTEST / HELD_OUT:g} s, better 20 s, of varied motion, or add a "
                 "validation record"
             )
-    cuts = [(r, float(r.t[0] + (1 - HELD_OUT) * r.duration)) for r in case.identify]
+    cuts = [(r, float(r.t[0] + (1 - HELD_OUT) * r.duration)) for r in fitted]
     train = [r.window(float(r.t[0]), cut) for r, cut in cuts]
     held = [r.window(cut, float(r.t[-1]) + r.dt) for r, cut in cuts]
     note = f"no validation record: the last {100 * HELD_OUT:.0f} % of each are held out"
-    return train, held, (note,)
+    return train, held, (*short, note)
+
+
+def _long_stretches(
+    records: Sequence[Recording], shortest: float
+) -> tuple[Sequence[Recording], tuple[str, ...]]:
+    """Return the stretches that last so long [s], with notes; all records where none does."""
+    short = [
+        record
+        for record in records
+        if record.clock is Clock.AS_RECORDED and record.duration < shortest * (1 - ROUNDING)
+    ]
+    if not short or len(short) == len(records):
+        return records, ()
+    notes = []
+    for source in dict.fromkeys(record.source for record in short):
+        of_file = [record for record in records if record.source == source]
+        lost = [record.duration for record in short if record.source == source]
+        notes.append(
+            f"{source}: {len(lost)} of {len(of_file)} stretches between gaps, {sum(lost):.3g} of "
+            f"{sum(record.duration for record in of_file):.3g} s, are shorter than {shortest:g} s "
+            "and are not used"
+        )
+    return [record for record in records if record not in short], tuple(notes)
 
 
 def applicable(study: Study, catalogue: Mapping[str, EffectFactory]) -> dict[str, EffectFactory]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW, simulate_fit
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
+from pneumo_casadi.diagnosis.metrics.simulations import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import (
     FAULTS,

@@ -16,7 +16,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     residual_rms,
     shares_left,
 )
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
+from pneumo_casadi.diagnosis.metrics.simulations import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.diagnosis.prepare.study import Study
@@ -92,7 +92,7 @@ class Selection:
         Whether the balances show no gap, and simulations alone have found the effect.
     simulated : bool
         Whether the final model surely explains simulations of the held-out records. A balance that
-        no effect touches then casts no doubt on those named: something acts there besides.
+        keeps a small gap then casts no doubt on the effects named.
     """
 
     nominal: FittedModel
@@ -190,8 +190,9 @@ def select_effects(
         ledger.begin_report(final, fitted)
         report("what each effect contributes", 0.9)
         shares = contributions(ledger, nominal, final, completed.named, levels)
-        closed = ledger.simulations.closure(nominal, fitted, ledger.effects(final))
-        simulated = closed.lower > 1.0 - levels.criteria.simulated
+        simulated = ledger.simulations.surely_explained(
+            nominal, fitted, ledger.effects(final), levels.criteria
+        )
     ledger.begun_fits.cancel_all()
     ledger.begun_refinements.cancel_all()
     failures = tuple(ledger.failures.values())

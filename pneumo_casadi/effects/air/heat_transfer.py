@@ -108,8 +108,8 @@ class HeatTransfer(Effect):
 class HeatTransferForced(HeatTransfer):
     """Heat transfer that grows with the speed of the piston, which stirs the air.
 
-    h (1 + b ((v/v₀)² + ε²)^0.4), v₀ = 0.1 m/s: forced convection with Reynolds' number to the power
-    of 0.8, beside what still air exchanges.
+    h (1 + b (((v/v₀)² + ε²)^0.4 − ε^0.8)), v₀ = 0.1 m/s, ε = 0.01: forced convection with Reynolds'
+    number to the power of 0.8, beside what still air exchanges.
     """
 
     name = "heat_transfer_forced"
@@ -118,8 +118,8 @@ class HeatTransferForced(HeatTransfer):
     absorbed_by = None  # what parameters take up is told of the usual form
     equation = "as `heat_transfer`, with h (1 + b |v/v₀|^0.8) in place of h, v₀ = 0.1 m/s"
     source = (
-        "Eichelberg (1939), Engineering 148; Annand (1963), Proc. IMechE 177(1), 973-996: Nu ∝ "
-        "Re^0.7-0.8 in cylinders"
+        "Annand (1963), Proc. IMechE 177(1), 973-996: Nusselt's number in cylinders goes with "
+        "Reynolds' to the power of 0.7 and more"
     )
     parameters = (
         *HeatTransfer.parameters,
@@ -139,7 +139,8 @@ class HeatTransferForced(HeatTransfer):
 
     def coefficient(self, at: Scope) -> Expression:
         """Return the heat transfer coefficient [W/(m² K)] at the speed of the piston."""
-        return at["h"] * (1 + at["b"] * ((at.v / V_FORCED) ** 2 + STILL**2) ** 0.4)
+        stirred = ((at.v / V_FORCED) ** 2 + STILL**2) ** 0.4 - STILL**0.8
+        return at["h"] * (1 + at["b"] * stirred)
 
 
 def _geometry(at: Scope, chamber: str) -> tuple[Expression, Expression, Expression]:

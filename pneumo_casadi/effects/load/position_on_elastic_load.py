@@ -111,7 +111,7 @@ class PositionOnElasticLoad(Effect):
         return through + (n / m) ** 2 * (self._between(F, at) - through) - at_load
 
     def _between(self, F: Expression, at: Scope) -> Expression:
-        """Return the force that parts the two masses, times M over the mass of the piston [N]."""
+        """Return the force that parts the two masses, times M over the mass of the load [N]."""
         return _force_on_piston(F, at, 1.0)
 
     def _at_load(self, at: Scope) -> Expression:
@@ -122,10 +122,13 @@ class PositionOnElasticLoad(Effect):
 class PositionOnGuidedLoad(PositionOnElasticLoad):
     r"""As `PositionOnElasticLoad`, a share φ of the friction being that of the load's own guide.
 
-    With the friction f(ẋ) of eq. 4, the load feels φ f(ẋ), the piston (1 − φ) f(ẋ_1):
+    The load feels φ f(ẋ), f being the friction of eq. 4, and the piston (1 − φ) f(ẋ_1). With F the
+    sum of the forces, φ f(ẋ) and (1 − φ) f(ẋ_1) included,
 
-    .. math:: m^2 \ddot e + 2 ζ m \dot e + e = F + rac{φ}{s} f(ẋ), \qquad
-              M \ddot x = e + 2 ζ m \dot e - rac{φ}{s} f(ẋ).
+    .. math:: m^2 \ddot e + 2 ζ m \dot e + e = F' = F + \frac{φ}{s} f(ẋ), \qquad
+              M \ddot x = e + 2 ζ m \dot e + (n/m)^2 (F' - e - 2 ζ m \dot e) - \frac{φ}{s} f(ẋ),
+
+    so that a rigid load (D = 0) is moved by F, wherever its friction is.
     """
 
     name = "position_on_guided_load"
@@ -149,6 +152,10 @@ class PositionOnGuidedLoad(PositionOnElasticLoad):
             source="seals take most of it, guides of heavy loads up to half",
         ),
     )
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start with the load moving as the piston does, pulled through its own guide."""
+        return {"e": entering["force"] + self._at_load(at), "g": 0.0}
 
     def _between(self, F: Expression, at: Scope) -> Expression:
         return _force_on_piston(F, at, 1 - at["phi"]) + self._at_load(at)

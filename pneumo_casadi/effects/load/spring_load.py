@@ -60,7 +60,8 @@ class SpringLoad(Effect):
 class SpringLoadProgressive(SpringLoad):
     """A spring that stiffens, or softens, with the way from where it is at rest.
 
-    F = −k (x − x₀) − k₃ (x − x₀)³: a rolled hose, a leaf or conical spring, a rubber buffer.
+    F = −k (x − x₀) − k₃ (x − x₀)³: a rolled hose, a leaf or conical spring, a rubber buffer. Where
+    k₃ is small, x₀ is a `constant_force` of k x₀.
     """
 
     name = "spring_load_progressive"
@@ -74,7 +75,7 @@ class SpringLoadProgressive(SpringLoad):
             "k_3",
             0.0,
             "N/m3",
-            lower=-1e6,
+            lower=-1e4,
             upper=1e6,
             scale=3000.0,
             null=0.0,
@@ -86,7 +87,7 @@ class SpringLoadProgressive(SpringLoad):
     )
 
     def force(self, F: Expression, at: Scope) -> Expression:
-        """Subtract the spring's force; that at mid-stroke is a `constant_force`."""
+        """Subtract the spring's force."""
         way = at.x - at["x_0"]
         return F - at["k"] * way - at["k_3"] * way**3
 
@@ -104,7 +105,7 @@ class SpringLoadTwoSided(SpringLoad):
     equation = "F = −k⁺ s(x − x₀) + k⁻ s(x₀ − x), s(x) = (x + √(x² + w²))/2, w = 2 mm"
     source = "Hooke's law, of springs that are picked up on the way"
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
-        {"k_minus": (0.0, 300.0), "k_plus": (0.0, 300.0), "x_0": (-0.1, -0.03, 0.03, 0.1)}
+        {"k_minus": (0.0, 300.0), "k_plus": (0.0, 300.0), "x_0": (-0.1, -0.03, 0.0, 0.03, 0.1)}
     )
     parameters = (
         replace(STIFFNESS, name="k_minus", description="stiffness below the place"),

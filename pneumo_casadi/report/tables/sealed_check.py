@@ -71,7 +71,8 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
     ]
     weak = [result["background"]["all"], result["background"]["visible"]]
     rows += [(text, *(share_text(score[key]) for score in weak)) for key, text in AMONG_WEAK]
-    rows.append(("told as probably also there: true", share_text(result["besides"]), ""))
+    if "besides" in result:  # earlier results did not count it
+        rows.append(("told as probably also there: true", share_text(result["besides"]), ""))
     term = result["discovered"]
     rows += [
         (

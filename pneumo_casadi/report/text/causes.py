@@ -89,7 +89,7 @@ def _corrections(effects: Sequence[EffectFound]) -> tuple[str, ...]:
     if not effects:
         return ()
     names = capitalised(joined([plain(effect.name) for effect in effects]))
-    return (f"{names} besides: what the form of the flow map misses, and no cause.",)
+    return (f"{names} corrects what the form of the flow map misses, and is no cause.",)
 
 
 def _absorbed(diagnosis: Diagnosis) -> tuple[str, ...]:

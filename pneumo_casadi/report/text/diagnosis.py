@@ -59,7 +59,7 @@ def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
     gap = diagnosis.gap
     them = "it" if len(diagnosis.effects) == 1 else "them"
-    them += " and the weak effects besides" if diagnosis.besides else ""
+    them += " and the weak effects besides" if diagnosis.unnamed_effects else ""
     fall = (
         f"with {them} in the model the error on held-out data, beyond the sensor noise, "
         f"{_change(gap.before, gap.after)} of the signals"

@@ -24,6 +24,9 @@ def facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str
     if diagnosis.besides:
         besides = joined([either(effect) for effect in diagnosis.besides])
         shown.append(("Probably also there", besides))
+    if diagnosis.corrections:
+        names = joined([plain(effect.name) for effect in diagnosis.corrections])
+        shown.append(("Corrects the flow map", names))
     if diagnosis.absorbed:
         names = joined([plain(name) for name in diagnosis.absorbed])
         shown.append(("Absorbed by the parameters", names))

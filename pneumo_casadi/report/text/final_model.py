@@ -154,4 +154,4 @@ def _left_out(diagnosis: Diagnosis, final: FinalModel) -> tuple[str, ...]:
     ]
     if not weak:
         return ()
-    return (f"It is without {joined(weak)}: output error did not settle with so weak an effect.",)
+    return (f"It is without {joined(weak)}: output error did not settle with that.",)

@@ -1,0 +1,103 @@
+"""What a final model leaves of the gap, as verdicts ask for it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms, shares_left
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.junctions import MECHANICAL, Junction
+from pneumo_casadi.parameters import FloatArray
+
+
+def decided_by_simulation(selection: Selection) -> bool:
+    """Return whether simulations tell what is left, since balances tell little of the motion.
+
+    Or since the balances have shown no gap.
+    """
+    simulated = selection.gap_left.get(selection.chosen, 1.0)
+    refined = selection.chosen in selection.output_error_fits
+    return simulated < selection.levels.criteria.simulated or (
+        refined and (len(selection.chosen) > 1 or selection.by_simulation)
+    )
+
+
+def unexplained(selection: Selection) -> float:
+    """Return the share of the held-out gap that the final model leaves, in the worst balance.
+
+    See `share_left`; of balances that may keep a small gap it is not asked, see `open_balances`.
+    The gap of a sensor effect is visible in simulations only: if simulations have decided the
+    selection, the share of the simulated gap is returned.
+    """
+    if decided_by_simulation(selection):
+        return selection.gap_left.get(selection.chosen, 1.0)
+    return float(np.max(_shares(selection, selection.final)))
+
+
+def open_balances(selection: Selection) -> tuple[int, ...]:
+    """Return the balances that may keep a gap, because simulations are explained without it.
+
+    It was small beside the largest gap, the final model has not made it larger, and it is clear of
+    the noise: a coarse flow map, or something that acts there besides.
+    """
+    if not selection.simulated or decided_by_simulation(selection):
+        return ()
+    nominal, final, criteria = selection.nominal, selection.final, selection.levels.criteria
+    small = shares_left(nominal, final, selection.levels) == 0.0
+    grown = np.log(residual_rms(final) / residual_rms(nominal)) >= criteria.matters
+    left = _every_share(selection, final) > criteria.unexplained
+    return tuple(int(row) for row in np.flatnonzero(small & left & ~grown))
+
+
+def left_open(selection: Selection) -> float:
+    """Return the share of the gap left in the worst of the balances that may keep one."""
+    rows = list(open_balances(selection))
+    return float(np.max(_every_share(selection, selection.final)[rows], initial=0.0))
+
+
+def _shares(selection: Selection, fitted: FittedModel) -> FloatArray:
+    """Return the share that a model leaves in each balance, none in those that may keep a gap."""
+    shares = _every_share(selection, fitted)
+    shares[list(open_balances(selection))] = 0.0
+    return shares
+
+
+def _every_share(selection: Selection, fitted: FittedModel) -> FloatArray:
+    return shares_left(selection.nominal, fitted, selection.levels, clear=True)
+
+
+def left_is_visible(selection: Selection) -> bool:
+    """Return whether what the final model leaves too much of is clear of the noise."""
+    if not selection.path:
+        return True
+    return leaves_too_much(selection, selection.final)
+
+
+def leaves_too_much(selection: Selection, fitted: FittedModel) -> bool:
+    """Return whether a model leaves a visible gap where it may keep none."""
+    levels = selection.levels
+    visible = levels.exceeded(residual_rms(fitted), levels.criteria.visible)
+    return bool(np.any(visible & (_shares(selection, fitted) > levels.criteria.unexplained)))
+
+
+def left_by_one_form(selection: Selection, named: Sequence[Effect]) -> float:
+    """Return the share of the gap left where effects of one form alone act, clear of the noise.
+
+    Balance by balance: friction of another law leaves nothing in the mass flows.
+    """
+    levels = selection.levels
+    shares = shares_left(selection.nominal, selection.final, levels)
+    clear = levels.exceeded(residual_rms(selection.final), levels.criteria.clear)
+    is_force = np.arange(len(shares)) == len(shares) - 1
+    here = [[effect for effect in named if _acts_in(effect, force)] for force in is_force]
+    certain = [bool(acting) and all(effect.one_form for effect in acting) for acting in here]
+    return float(np.max(shares * clear * certain))
+
+
+def _acts_in(effect: Effect, force: bool) -> bool:
+    """Return whether an effect acts in the force balance, or in a mass flow; a sensor's in both."""
+    junctions = set(effect.junctions)
+    at = junctions & MECHANICAL if force else junctions - MECHANICAL
+    return bool(at) or Junction.OUTPUT in junctions
