@@ -94,6 +94,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
         "withheld_later",
         "withheld_24",
         "withheld_25",
+        "withheld_26",
         "withheld_newest",
     ),
 }
