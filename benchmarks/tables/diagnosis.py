@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from pneumo_casadi.report.tables.sealed_check import AMONG_WEAK, SHARES, share_text
+from pneumo_casadi.report.tables.sealed_check import AMONG_WEAK, SHARES, besides_rows, share_text
 from tables.common import SYMBOLS, rows
 
 SCOPES = ("all", "visible")
@@ -151,9 +151,7 @@ def withheld_forms(result: Mapping[str, Any]) -> str:
     """Return the same of the check with forms drawn, and what was counted among weak effects."""
     both, weak = ([result[part][scope] for scope in SCOPES] for part in ("scores", "background"))
     body = _shares(both, SHARES, ASKED_OF_FORMS) + _shares(weak, AMONG_WEAK, ASKED_AMONG_WEAK)
-    if "besides" in result:
-        share = share_text(result["besides"])
-        body.append(["told as probably also there: true", share, "", ""])
+    body += [[*row, "", ""] for row in besides_rows(result)]
     term = result["discovered"]
     shown = share_text(term["visible"]["driver_right"]) if "visible" in term else ""
     right = share_text(term["driver_right"]), shown

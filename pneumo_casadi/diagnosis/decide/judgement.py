@@ -8,7 +8,7 @@ import numpy as np
 from pneumo_casadi.diagnosis.decide.unknown import is_unknown
 from pneumo_casadi.diagnosis.decide.what_is_left import (
     decided_by_simulation,
-    leaves_too_much,
+    explains,
     left_by_one_form,
     left_is_visible,
     left_open,
@@ -214,7 +214,7 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
 def _explains(selection: Selection, fitted: FittedModel) -> bool:
     """Return whether a model explains the gap; where simulations have decided, they tell."""
     decided = selection.chosen in selection.output_error_fits
-    return decided or not leaves_too_much(selection, fitted)
+    return decided or explains(selection, fitted)
 
 
 def missed_gain(selection: Selection, best: Names, other: Names) -> float:

@@ -4,12 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms, shares_left
+from pneumo_casadi.diagnosis.metrics.residual_size import (
+    leaves_too_much,
+    residual_rms,
+    share_left,
+    shares_left,
+)
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.junctions import MECHANICAL, Junction
-from pneumo_casadi.parameters import FloatArray
 
 
 def decided_by_simulation(selection: Selection) -> bool:
@@ -33,7 +37,8 @@ def unexplained(selection: Selection) -> float:
     """
     if decided_by_simulation(selection):
         return selection.gap_left.get(selection.chosen, 1.0)
-    return float(np.max(_shares(selection, selection.final)))
+    nominal, final, levels = selection.nominal, selection.final, selection.levels
+    return share_left(nominal, final, levels, clear=True, kept=open_balances(selection))
 
 
 def open_balances(selection: Selection) -> tuple[int, ...]:
@@ -47,39 +52,27 @@ def open_balances(selection: Selection) -> tuple[int, ...]:
     nominal, final, criteria = selection.nominal, selection.final, selection.levels.criteria
     small = shares_left(nominal, final, selection.levels) == 0.0
     grown = np.log(residual_rms(final) / residual_rms(nominal)) >= criteria.matters
-    left = _every_share(selection, final) > criteria.unexplained
+    left = shares_left(nominal, final, selection.levels, clear=True) > criteria.unexplained
     return tuple(int(row) for row in np.flatnonzero(small & left & ~grown))
 
 
 def left_open(selection: Selection) -> float:
     """Return the share of the gap left in the worst of the balances that may keep one."""
-    rows = list(open_balances(selection))
-    return float(np.max(_every_share(selection, selection.final)[rows], initial=0.0))
-
-
-def _shares(selection: Selection, fitted: FittedModel) -> FloatArray:
-    """Return the share that a model leaves in each balance, none in those that may keep a gap."""
-    shares = _every_share(selection, fitted)
-    shares[list(open_balances(selection))] = 0.0
-    return shares
-
-
-def _every_share(selection: Selection, fitted: FittedModel) -> FloatArray:
-    return shares_left(selection.nominal, fitted, selection.levels, clear=True)
+    shares = shares_left(selection.nominal, selection.final, selection.levels, clear=True)
+    return float(np.max(shares[list(open_balances(selection))], initial=0.0))
 
 
 def left_is_visible(selection: Selection) -> bool:
     """Return whether what the final model leaves too much of is clear of the noise."""
     if not selection.path:
         return True
-    return leaves_too_much(selection, selection.final)
+    return not explains(selection, selection.final)
 
 
-def leaves_too_much(selection: Selection, fitted: FittedModel) -> bool:
-    """Return whether a model leaves a visible gap where it may keep none."""
-    levels = selection.levels
-    visible = levels.exceeded(residual_rms(fitted), levels.criteria.visible)
-    return bool(np.any(visible & (_shares(selection, fitted) > levels.criteria.unexplained)))
+def explains(selection: Selection, fitted: FittedModel) -> bool:
+    """Return whether a model leaves no visible gap but where it may keep one."""
+    nominal, levels, kept = selection.nominal, selection.levels, open_balances(selection)
+    return not leaves_too_much(nominal, fitted, levels, clear=True, kept=kept)
 
 
 def left_by_one_form(selection: Selection, named: Sequence[Effect]) -> float:

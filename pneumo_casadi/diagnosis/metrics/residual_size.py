@@ -165,7 +165,11 @@ def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
 
 
 def shares_left(
-    before: FittedModel, after: FittedModel, levels: BalanceLevels, clear: bool = False
+    before: FittedModel,
+    after: FittedModel,
+    levels: BalanceLevels,
+    clear: bool = False,
+    kept: Sequence[int] = (),
 ) -> FloatArray:
     """Return the share of the held-out gap that a model leaves in each balance, shape (ne,).
 
@@ -174,6 +178,7 @@ def shares_left(
 
     With `clear` every balance in which what is left is clear of the noise counts: misfit of the
     largest gap's cause would have gone with that gap. One that had no gap before leaves all of it.
+    Balances that may keep their gap, by number in `kept`, do not count.
     """
     old, new = (
         gaps(residual_rms(fit), levels) * levels.signal / levels.noise for fit in (before, after)
@@ -186,21 +191,30 @@ def shares_left(
     if clear:
         main |= levels.exceeded(residual_rms(after), levels.criteria.clear)
         old = np.where(old > 0, old, new)
+    main[list(kept)] = False
     return np.divide(new, old, out=np.zeros(len(old)), where=main)
 
 
 def share_left(
-    before: FittedModel, after: FittedModel, levels: BalanceLevels, clear: bool = False
+    before: FittedModel,
+    after: FittedModel,
+    levels: BalanceLevels,
+    clear: bool = False,
+    kept: Sequence[int] = (),
 ) -> float:
     """Return the share of the held-out gap that a model leaves, in the worst balance."""
-    return float(np.max(shares_left(before, after, levels, clear)))
+    return float(np.max(shares_left(before, after, levels, clear, kept)))
 
 
 def leaves_too_much(
-    before: FittedModel, after: FittedModel, levels: BalanceLevels, clear: bool = False
+    before: FittedModel,
+    after: FittedModel,
+    levels: BalanceLevels,
+    clear: bool = False,
+    kept: Sequence[int] = (),
 ) -> bool:
     """Return whether effects that leave a visible gap in some balance do not explain it."""
-    shares, criteria = shares_left(before, after, levels, clear), levels.criteria
+    shares, criteria = shares_left(before, after, levels, clear, kept), levels.criteria
     visible = levels.exceeded(residual_rms(after), criteria.visible)
     return bool(np.any(visible & (shares > criteria.unexplained)))
 

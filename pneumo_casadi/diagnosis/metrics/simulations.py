@@ -127,9 +127,7 @@ class Simulations:
         if np.any(levels.exceeded(residual_rms(nominal), visible)):
             return False
         before, floor = self.windows(nominal, ()), self.floor
-        if isinstance(before, str):
-            return False
-        return overall_gap(before, floor) > visible * combined_gap(floor)
+        return not isinstance(before, str) and _shows(before, floor, visible)
 
     def surely_explained(
         self,
@@ -146,7 +144,7 @@ class Simulations:
         before, after, floor = self.windows(nominal, ()), self.windows(fitted, effects), self.floor
         if isinstance(before, str) or isinstance(after, str) or len(before) < FEWEST_WINDOWS:
             return False
-        if overall_gap(before, floor) <= criteria.visible * combined_gap(floor):
+        if not _shows(before, floor, criteria.visible):
             return False
         old, new = (gap(squares.mean(axis=0), floor) for squares in (before, after))
         kept = (new > criteria.unexplained * old) & (new > criteria.visible * floor)
@@ -183,6 +181,11 @@ class Simulations:
         if isinstance(before, str) or isinstance(after, str):
             return Closure(0.0, 0.0, 0.0)
         return closure_of(before, after, self.floor)
+
+
+def _shows(squares: FloatArray, floor: FloatArray, visible: float) -> bool:
+    """Return whether squared errors show a gap, beside the noise [floors]."""
+    return overall_gap(squares, floor) > visible * combined_gap(floor)
 
 
 def noise_percent(study: Study) -> dict[str, float]:

@@ -1,7 +1,10 @@
 """Position friction: the tube is not the same along the stroke."""
 
+from dataclasses import replace
+
 import casadi as ca
 
+from pneumo_casadi.effects.common.stroke import PLACE
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
@@ -54,14 +57,9 @@ class PositionFriction(Effect):
             description="extra Coulomb friction in the middle of the tight spot",
             source=TYPICAL,
         ),
-        Parameter(
-            "centre",
-            0.0,
-            "m",
-            lower=-1.0,
-            upper=1.0,
-            scale=0.02,
-            null=0.0,
+        replace(
+            PLACE,
+            name="centre",
             start=0.02,
             description="middle of the tight spot, from mid-stroke",
             source=TYPICAL,

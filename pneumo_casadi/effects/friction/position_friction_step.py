@@ -1,7 +1,10 @@
 """Position friction that changes at one place of the stroke."""
 
+from dataclasses import replace
+
 import casadi as ca
 
+from pneumo_casadi.effects.common.stroke import PLACE
 from pneumo_casadi.effects.friction.position_friction import SEPARATED_BY, SHOWS, SOURCE, TYPICAL
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
@@ -35,17 +38,8 @@ class PositionFrictionStep(Effect):
             description="Coulomb friction beyond the edge less that before it",
             source=TYPICAL,
         ),
-        Parameter(
-            "edge",
-            0.0,
-            "m",
-            lower=-1.0,
-            upper=1.0,
-            scale=0.02,
-            null=0.0,
-            start=0.0,
-            description="place of the change, from mid-stroke",
-            source=TYPICAL,
+        replace(
+            PLACE, name="edge", description="place of the change, from mid-stroke", source=TYPICAL
         ),
         Parameter(
             "width",

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
+from pneumo_casadi.effects.common.stroke import PLACE
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
@@ -24,19 +25,6 @@ STIFFNESS = Parameter(
     start=150.0,
     description="stiffness",
     source="100-500 N/m, engineering judgement for hoses and cable chains",
-)
-
-PLACE = Parameter(
-    "x_0",
-    0.0,
-    "m",
-    lower=-1.0,
-    upper=1.0,
-    scale=0.02,
-    null=0.0,
-    start=0.0,
-    description="place where the stiffness changes, from mid-stroke",
-    source="anywhere in the stroke",
 )
 
 
@@ -110,7 +98,7 @@ class SpringLoadTwoSided(SpringLoad):
     parameters = (
         replace(STIFFNESS, name="k_minus", description="stiffness below the place"),
         replace(STIFFNESS, name="k_plus", description="stiffness beyond the place"),
-        PLACE,
+        replace(PLACE, description="place where the stiffness changes, from mid-stroke"),
     )
 
     def force(self, F: Expression, at: Scope) -> Expression:

@@ -71,8 +71,7 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
     ]
     weak = [result["background"]["all"], result["background"]["visible"]]
     rows += [(text, *(share_text(score[key]) for score in weak)) for key, text in AMONG_WEAK]
-    if "besides" in result:  # earlier results did not count it
-        rows.append(("told as probably also there: true", share_text(result["besides"]), ""))
+    rows += [(*row, "") for row in besides_rows(result)]
     term = result["discovered"]
     rows += [
         (
@@ -96,6 +95,13 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
         )
     title = f"{result['cases']} cases whose causes were withheld"
     return Table(title, ("", "all", "visible"), tuple(rows), tuple(notes))
+
+
+def besides_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return how often what is told besides is true; nothing of earlier results, without it."""
+    if "besides" not in result:
+        return []
+    return [("told as probably also there: true", share_text(result["besides"]))]
 
 
 def _rivals(both: list[Mapping[str, Any]]) -> list[tuple[str, ...]]:
