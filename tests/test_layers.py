@@ -147,7 +147,7 @@ def test_only_the_report_imports_matplotlib():
 
 
 def test_effects_know_nothing_of_the_model_but_what_an_effect_is():
-    base = ("model.effect", "model.junctions", "model.absorption")
+    base = ("model.effect", "model.junctions", "model.absorption", "model.friction_law")
     allowed = ("effects", *base, "valve", "parameters", "errors")
     wrong = {
         path.name: {name for name in own(path) if not name.startswith(allowed)}

@@ -14,6 +14,7 @@ import casadi as ca
 from pneumo_casadi.data import AxisKind
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.friction_law import friction_force, smoothed_sign
 from pneumo_casadi.model.junctions import Expression, Pair, Supply
 from pneumo_casadi.valve.flow_pair import valve_of
 
@@ -255,29 +256,6 @@ def external_force(constants: Mapping[str, Expression]) -> Expression:
     Eq. 2: F_ext = (S_P - S_N) p_ext.
     """
     return (constants["S_P"] - constants.get("S_N", 0.0)) * constants["p_ext"]
-
-
-def friction_force(
-    v: Expression, direction: Expression, theta: Mapping[str, Expression]
-) -> Expression:
-    """Return the friction force, positive against motion in +x [N].
-
-    Eq. 4: F_f = f_v ẋ + F_c⁺ for ẋ > 0 and f_v ẋ - F_c⁻ for ẋ < 0, with `direction` in place of
-    the sign of ẋ.
-    """
-    return (
-        theta["f_v"] * v
-        + theta["F_c_plus"] * (1 + direction) / 2
-        - theta["F_c_minus"] * (1 - direction) / 2
-    )
-
-
-def smoothed_sign(v: Expression, v_s: Expression) -> Expression:
-    """Return tanh(ẋ/v_s), between -1 and 1.
-
-    A derivative is needed at ẋ = 0. Fits lower v_s in stages; WLS sets it almost to zero.
-    """
-    return ca.tanh(v / v_s)
 
 
 def _valve_flow(

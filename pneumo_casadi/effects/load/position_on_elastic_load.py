@@ -8,6 +8,7 @@ import casadi as ca
 
 from pneumo_casadi.effects.common.regular_lag import numerator
 from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.friction_law import friction_force, smoothed_sign
 from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 
@@ -161,9 +162,7 @@ class PositionOnGuidedLoad(PositionOnElasticLoad):
         return _force_on_piston(F, at, 1 - at["phi"]) + self._at_load(at)
 
     def _at_load(self, at: Scope) -> Expression:
-        axis, direction = at.axis, at.direction
-        dry = axis["F_c_plus"] * (1 + direction) / 2 - axis["F_c_minus"] * (1 - direction) / 2
-        return at["phi"] / at["s"] * (axis["f_v"] * at.v + dry)
+        return at["phi"] / at["s"] * friction_force(at.v, at.direction, at.axis)
 
 
 def _times(at: Scope) -> tuple[Expression, Expression]:
@@ -181,11 +180,9 @@ def _apart(at: Scope) -> tuple[Expression, Expression]:
 
 def _force_on_piston(F: Expression, at: Scope, share: Expression) -> Expression:
     """Replace a share of the friction at the velocity of the load by that at the piston's."""
-    _, sliding = _apart(at)
-    axis = at.axis
-    change = ca.tanh((at.v + sliding) / axis["v_s"]) - at.direction
-    level = (axis["F_c_plus"] + axis["F_c_minus"]) / 2
-    return F - share * (axis["f_v"] * sliding + level * change)
+    v, axis = at.v + _apart(at)[1], at.axis
+    at_piston = friction_force(v, smoothed_sign(v, axis["v_s"]), axis)
+    return F - share * (at_piston - friction_force(at.v, at.direction, axis))
 
 
 def _at_the_load(
