@@ -322,6 +322,12 @@ def test_a_selected_effect_is_named_if_without_it_the_model_is_not_credible(
     assert bench.complete(*selected) == Completed(("hose", "leak", "lag"), named)
 
 
+def test_an_effect_of_no_size_that_keeps_a_model_credible_is_not_named(monkeypatch):
+    bench = Bench(monkeypatch, ALONE | {"leak": 5.0})
+    bench.incredible = {("hose", "lag")}
+    assert bench.complete("hose", "leak") == Completed(("hose", "leak", "lag"), ("hose",))
+
+
 def test_what_only_corrects_a_coarse_map_is_not_named(monkeypatch):
     bench = Bench(monkeypatch, ALONE, large=("hose", "leak"))
     bench.map_only = {"leak"}

@@ -144,8 +144,9 @@ class _Completion:
         """Return the effects that are `accepted` beside all others, or the one that is most.
 
         So is an effect that was selected, if without it the model is not credible: what others take
-        up then says nothing against it. An effect of the metered valve that only corrects a coarse
-        flow map is not among them.
+        up then says nothing against it. It must gain what any effect of the model must: one of no
+        size may keep another one credible. An effect of the metered valve that only corrects a
+        coarse flow map is not among them.
         """
         without = self.near.without_each(acting)
         named = tuple(
@@ -161,8 +162,11 @@ class _Completion:
         added, rest = self.ledger.effects((name,)), self.near.rest(names, name)
         if only_corrects_map(added, without, self.levels, beside=bool(rest)):
             return False
+        present, least = self.near.fit_of(names), self.levels.criteria.plausible_gain
         needed = name in self.selected and rest in self.ledger.failures
-        return needed or accepted(self.nominal, without, self.near.fit_of(names), self.levels)
+        if needed and gained(without, present) >= least:
+            return True
+        return accepted(self.nominal, without, present, self.levels)
 
     def _improve(self, names: Names) -> Names | None:
         """Return a model without its weakest needless effect, or with a better one; else None."""
