@@ -47,15 +47,24 @@ from pneumo_casadi.effects.friction.pressure_friction_per_seal import (
     PressureFrictionPerSeal as PressureFrictionPerSeal,
 )
 from pneumo_casadi.effects.friction.quadratic_drag import QuadraticDrag as QuadraticDrag
+from pneumo_casadi.effects.friction.quadratic_drag import (
+    QuadraticDragPerDirection as QuadraticDragPerDirection,
+)
 from pneumo_casadi.effects.friction.stribeck import Stribeck as Stribeck
 from pneumo_casadi.effects.friction.stribeck_rational import StribeckRational as StribeckRational
 from pneumo_casadi.effects.load.constant_force import ConstantForce as ConstantForce
 from pneumo_casadi.effects.load.elastic_load import ElasticLoad as ElasticLoad
+from pneumo_casadi.effects.load.elastic_load import (
+    ElasticLoadProgressive as ElasticLoadProgressive,
+)
 from pneumo_casadi.effects.load.position_on_elastic_load import (
     PositionOnElasticLoad as PositionOnElasticLoad,
 )
 from pneumo_casadi.effects.load.position_on_elastic_load import (
     PositionOnGuidedLoad as PositionOnGuidedLoad,
+)
+from pneumo_casadi.effects.load.position_on_elastic_load import (
+    PositionOnProgressiveLoad as PositionOnProgressiveLoad,
 )
 from pneumo_casadi.effects.load.spring_load import SpringLoad as SpringLoad
 from pneumo_casadi.effects.load.spring_load import SpringLoadProgressive as SpringLoadProgressive

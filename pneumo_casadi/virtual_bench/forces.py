@@ -50,7 +50,7 @@ QUADRATIC_DRAG = EffectForm(
     absorbed_by=("f_v",),
     note="at one speed it is viscous friction",
     strength=("c",),
-    constants={"power": 0.8},
+    constants={"power": 0.8, "backward": 1.0},
 )
 CONSTANT_FORCE = EffectForm(
     "constant_force",
@@ -77,7 +77,7 @@ ELASTIC_LOAD = EffectForm(
     ),
     absorbed_by=("M",),
     note="stiff joints move the mass as one",
-    constants={"measured": 0.0},
+    constants={"measured": 0.0, "hardening": 0.0},
 )
 
 FORMS = (

@@ -95,9 +95,21 @@ FORMS = (
         _form(QUADRATIC_DRAG, "steep", "c |v|^2.2 sign v", power=1.2),
         sizes=(replace(QUADRATIC_DRAG.sizes[0], unit="N s^2.2/m^2.2"),),
     ),
+    _form(
+        QUADRATIC_DRAG,
+        "check_valve",
+        "c |v|^1.8 sign v, a fifth of it for v < 0: a damper with a check valve",
+        backward=0.2,
+    ),
     _form(SPRING_LOAD, "softening", "−k x (1 − 0.3 (2x/l)²)", hardening=-0.3),
     _form(SPRING_LOAD, "one_sided", "−2 k max(x + l/40, 0): slack at first", one_sided=2.0),
     _form(ELASTIC_LOAD, "measured", "as elastic_load; the position sensor is at x_2", measured=1.0),
+    _form(
+        ELASTIC_LOAD,
+        "hardening",
+        "as elastic_load, d sinh((x_2 − x)/d) in place of x_2 − x, d = 1 mm: rubber",
+        hardening=1000.0,
+    ),
     EffectForm(
         "hose_volume",
         _HOSE_EQUATION.format("p"),

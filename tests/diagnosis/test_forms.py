@@ -21,6 +21,7 @@ from pneumo_casadi.diagnosis.select.forms import (
     begin_waiting_forms,
     cause_of,
     causes_of,
+    fit_remaining_forms,
     fit_waiting_forms,
     forms_to_fit,
     keep_best_forms,
@@ -226,6 +227,26 @@ def test_another_form_takes_the_place_of_the_only_effect_of_a_model(ledger, monk
     levels = BalanceLevels(np.ones(1), np.full(1, 100.0))
     assert with_other_form(ledger, leaving(10.0), ("hose_volume",), levels) == ("hose",)
     assert ("hose_volume",) not in ledger.fits and "hose_volume" in ledger.left_out
+
+
+def test_before_a_gap_is_unknown_the_forms_not_tried_so_far_are_fitted(ledger, monkeypatch):
+    """One that gains much stands for its cause then; what was tried is not fitted again."""
+    asked = []
+
+    def fit_all(self, starts):
+        asked.extend(starts)
+        self.fits["hose_volume",] = gaining(300)
+
+    monkeypatch.setattr(FitLedger, "fit_all", fit_all)
+    del ledger.fits["hose_volume",]
+    nominal = SimpleNamespace(**vars(gaining(0)), values={})
+    tried = set(ledger.catalogue) - {"hose_volume"}
+    keep_best_forms(ledger, nominal)
+    more = fit_remaining_forms(ledger, nominal, tried)
+    assert asked == [("hose_volume",)]
+    assert set(more["hose"]) == {"hose", "hose_volume"}
+    assert "hose_volume" in ledger.offered and "hose" in ledger.left_out
+    assert fit_remaining_forms(ledger, nominal, ledger.catalogue) == {}
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypa
     failed = Future()
     failed.set_exception(FitError("ran away"))
     monkeypatch.setattr(worker, "run", lambda *given: failed)
-    refine_again(worker, None, names)
+    refine_again(worker, None, {names: first})
     assert worker.trials[names] == (first, 0.2)
     assert not worker.failures
 
@@ -162,6 +162,36 @@ def test_output_error_goes_on_from_what_it_has_made_of_the_smaller_model(simulat
     simulated.fits[BOTH] = replace(simulated.fits[BOTH], cost=-510.0)  # gains too little
     begin = hidden_motion.beside(simulated, None, PLAY, ("valve_null_shift",))
     assert begin.values["M"] == 2.0 and begin.values["valve_null_shift.u_0P"] != 0.1
+
+
+@pytest.mark.parametrize(
+    ("at_first", "again", "left"), [(1.8, True, 0.3), (0.64, False, None), (0.3, False, 0.3)]
+)
+def test_a_larger_model_that_leaves_more_begins_again_with_the_smaller_one(
+    simulated, monkeypatch, at_first, again, left
+):
+    """From where the balances had friction over pressure, output error ran away."""
+    starts = []
+
+    def refine_all(ledger, nominal, models, iterations=0):
+        for key, start in models.items():
+            if key == BOTH and BOTH not in ledger.trials:
+                starts.append(start)
+                ledger.trials[key] = start, at_first if len(starts) == 1 else 0.3
+
+    for module in (hidden_motion, refined_trials):
+        monkeypatch.setattr(module, "refine_all", refine_all)
+    monkeypatch.setattr(hidden_motion, "fit_extensions", lambda *given: None)
+    monkeypatch.setattr(hidden_motion, "_candidates", lambda *given: ["valve_null_shift"])
+    monkeypatch.setattr(hidden_motion, "beside", lambda *given: simulated.fits[BOTH])
+    monkeypatch.setattr(hidden_motion, "_is_needed", lambda *given: True)
+    levels = SimpleNamespace(criteria=CRITERIA)
+    better = hidden_motion._extended(simulated, None, PLAY, levels)
+    assert better == (BOTH if left else None)
+    assert starts[0] is simulated.fits[BOTH]
+    assert any(start.values["M"] == 2.0 for start in starts) is again
+    if left:
+        assert simulated.trials[BOTH][1] == left
 
 
 def test_it_begins_with_the_balances_where_their_smaller_model_leaves_less(simulated, monkeypatch):

@@ -12,6 +12,7 @@ from pneumo_casadi.effects import (
     PreslidingMaxwell,
     PressureFriction,
     QuadraticDrag,
+    QuadraticDragPerDirection,
     Stribeck,
 )
 
@@ -69,6 +70,15 @@ def test_quadratic_drag_takes_power_with_the_cube_of_the_speed(made):
     axis = made.true_axis(QuadraticDrag()).with_parameters({"quadratic_drag.c": 50.0})
     power = [v * added(axis, made, v=v) for v in (0.2, 0.4, -0.4)]
     np.testing.assert_allclose(power, [50 * 0.2**3, 50 * 0.4**3, 50 * 0.4**3], rtol=1e-9)
+
+
+def test_a_damper_with_a_check_valve_drags_by_the_coefficient_of_each_direction(made):
+    name = "quadratic_drag_per_direction"
+    axis = made.true_axis(QuadraticDragPerDirection()).with_parameters(
+        {f"{name}.c_plus": 50.0, f"{name}.c_minus": 8.0}
+    )
+    drag = [added(axis, made, v=v) for v in (0.4, -0.4)]
+    np.testing.assert_allclose(drag, [50 * 0.4**2, -8 * 0.4**2], rtol=1e-9)
 
 
 def sliding(made, distance, effect=Presliding):

@@ -8,9 +8,11 @@ from pneumo_casadi.effects import (
     ConstantForce,
     DriveLag,
     ElasticLoad,
+    ElasticLoadProgressive,
     GainError,
     PositionDelay,
     PositionOnGuidedLoad,
+    PositionOnProgressiveLoad,
     PressureSensorBias,
     PressureSensorLag,
     SpringLoad,
@@ -99,6 +101,42 @@ def test_an_elastic_load_conserves_momentum_and_loses_what_its_damper_takes(made
     assert lost[-1] > 0.05 * energy[0]
     np.testing.assert_allclose(energy + lost, energy[0], rtol=1e-4)
     np.testing.assert_allclose(M * v + 6.0 * v_2, M * 0.3 - 6.0 * 0.2, rtol=1e-9)
+
+
+def test_an_elastic_load_on_rubber_conserves_energy_and_momentum(made):
+    own = {"m_2": 6.0, "f": 8.0, "zeta": 0.01, "beta": 4e4}
+    axis = made.true_force_axis(ElasticLoadProgressive()).with_parameters(
+        SMOOTH | {f"elastic_load_progressive.{name}": value for name, value in own.items()}
+    )
+    M, omega = axis.parameters["M"].value, 2 * np.pi * 8.0
+    run = free(axis, [0.0, 0.3, 0.01, -0.2])
+    v, x_2, v_2 = run["v"], *(run[f"elastic_load_progressive.{state}"] for state in ("x_2", "v_2"))
+    stretch = x_2 - run["x"]
+    assert 4e4 * np.max(stretch**2) > 2.0  # its stiffness has more than trebled
+    stored = 6.0 * omega**2 * (stretch**2 / 2 + 4e4 * stretch**4 / 4)
+    energy = 0.5 * (M * v**2 + 6.0 * v_2**2) + stored
+    power = 2 * 6.0 * 0.01 * omega * (v_2 - v) ** 2
+    lost = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(run.t))])
+    np.testing.assert_allclose(energy + lost, energy[0], rtol=2e-3)
+    np.testing.assert_allclose(M * v + 6.0 * v_2, M * 0.3 - 6.0 * 0.2, rtol=1e-9)
+
+
+def test_a_load_on_rubber_whose_position_is_measured_is_pulled_by_the_cube_of_the_stretch(made):
+    """Beside the linear spring's, at one state: the load gains β δ² e over its mass."""
+    name = "position_on_progressive_load"
+    own = {"D": 0.05, "s": 0.4, "zeta": 0.05, "phi": 0.3, "beta": 0.0}
+    axis = made.true_axis(PositionOnProgressiveLoad()).with_parameters(
+        SMOOTH | {f"{name}.{short}": value for short, value in own.items()}
+    )
+    x, u = [4.2e5, 5.1e5, 0.02, 0.3, 200.0, 40.0], [0.2, -0.2]
+    M = axis.parameters["M"].value
+    stretch = 0.05**2 / (0.6 * M) * 200.0
+    stiffened = axis.with_parameters({f"{name}.beta": 1.0 / stretch**2})
+    before, after = (
+        each.rhs(x, u, each.parameters.values).full().ravel() for each in (axis, stiffened)
+    )
+    assert M * (after[3] - before[3]) == pytest.approx(200.0, rel=0.01)
+    assert after[5] - before[5] == pytest.approx(-200.0 / 0.05, rel=0.05)
 
 
 def test_an_elastic_load_resonates_above_its_own_frequency_and_counts_as_mass_below(made):

@@ -1,6 +1,6 @@
 """Forms of one cause: the one that fits best alone stands for the family in all further models."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
@@ -138,6 +138,22 @@ def keep_best_forms(
         fits[cause] = fitted
         stand_for_cause(ledger, best)
     return fits
+
+
+def fit_remaining_forms(
+    ledger: FitLedger, nominal: FittedModel, tried: Collection[str]
+) -> Mapping[str, Mapping[str, FittedModel]]:
+    """Fit the forms not tried so far alone; return the fits by cause, as `keep_best_forms` does.
+
+    Before a gap is called unknown. The screen feels no parameter that acts only beside others, as
+    the progression of a spring does; such a form promises no more than the one it contains. Those
+    with stairs wait for the usual form all the same.
+    """
+    waiting = _waiting(ledger)
+    rest = [name for name in ledger.catalogue if name not in tried and name not in waiting]
+    ledger.left_out -= set(rest)
+    ledger.fit_all({(name,): Start(nominal.values) for name in rest})
+    return keep_best_forms(ledger, nominal) if rest else {}
 
 
 def other_forms_of(ledger: FitLedger, name: str) -> list[str]:

@@ -31,6 +31,7 @@ from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import (
     begin_waiting_forms,
+    fit_remaining_forms,
     fit_waiting_forms,
     keep_best_forms,
     with_other_form,
@@ -176,9 +177,15 @@ def select_effects(
     begin_waiting_forms(ledger, nominal, first)
     fit_alone(ledger, nominal, first)
     fit_waiting_forms(ledger, nominal, levels)
+    tried = {name for names in (*ledger.fits, *ledger.failures) for name in names}
     forms = keep_best_forms(ledger, nominal)
     ledger.begin_report((), nominal)
     path = _forward(ledger, nominal, levels, report)
+    if not path and np.any(levels.exceeded(residual_rms(nominal), levels.criteria.visible)):
+        report("trying all forms", 0.8)
+        more = fit_remaining_forms(ledger, nominal, tried)
+        forms = {**forms, **{cause: {**forms.get(cause, {}), **more[cause]} for cause in more}}
+        path = _forward(ledger, nominal, levels, report)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     shares: Mapping[str, float] = {}
     completed, simulated = None, False

@@ -165,10 +165,18 @@ def _extended(
     }
     refine_all(ledger, nominal, starts, TRIAL_ITERATIONS)
     shares = {key: ledger.trials[key][1] for key in starts}
+    # Leaving more than the model that it contains, a model has begun too far off.
+    far = {
+        key: _with_starting_values(ledger, known, key)
+        for key in starts
+        if key in ledger.fits and shares[key] > share + criteria.matters
+    }
+    refine_again(ledger, nominal, far)
+    shares = {key: ledger.trials[key][1] for key in starts}
     best = min(shares, key=lambda key: shares[key], default=None)
     if best is None or shares[best] > min(criteria.closed * share, share - criteria.matters, 1.0):
         return None
-    refine_again(ledger, nominal, best)
+    refine_again(ledger, nominal, {best: ledger.trials[best][0]})
     if not _is_needed(ledger, nominal, known, best):
         return None
     ledger.fits.setdefault(best, ledger.trials[best][0])
@@ -185,7 +193,7 @@ def _is_needed(ledger: FitLedger, nominal: FittedModel, known: Names, names: Nam
     larger, share = ledger.trials[names]
     added = tuple(f"{name}." for name in names if name not in known)
     values = {n: v for n, v in larger.values.items() if not n.startswith(added)}
-    refine_again(ledger, nominal, known, replace(larger, effects=known, values=values))
+    refine_again(ledger, nominal, {known: replace(larger, effects=known, values=values)})
     criteria, least = ledger.study.criteria, ledger.trials[known][1]
     return share <= min(criteria.closed * least, least - criteria.matters)
 
@@ -251,14 +259,22 @@ def beside(
     what output error makes of it, and twelve iterations did not bring it back. It is where to begin
     only if its smaller model leaves less of the gap than the refined one.
     """
-    base, share = ledger.trials[known]
+    _, share = ledger.trials[known]
     key, effects = ledger.key((*known, *added)), ledger.effects(known)
-    gained = _gains(ledger, known, added)
-    if gained and ledger.simulations.share(nominal, ledger.fits[known], effects) < share:
+    start = _with_starting_values(ledger, known, key)
+    if not _gains(ledger, known, added):
+        return start
+    if ledger.simulations.share(nominal, ledger.fits[known], effects) < share:
         return ledger.fits[key]
-    axis = ledger.study.axis.with_effects(*ledger.effects(key)).at_starting_values()
+    fitted = [values_of(name, ledger.fits[key].values) for name in added]
+    return replace(
+        start, values=dict(start.values) | {k: v for each in fitted for k, v in each.items()}
+    )
+
+
+def _with_starting_values(ledger: FitLedger, known: Names, names: Names) -> FittedModel:
+    """Return a refined model with further effects at their starting values."""
+    base, _ = ledger.trials[known]
+    axis = ledger.study.axis.with_effects(*ledger.effects(names)).at_starting_values()
     values = axis.with_parameters(dict(base.values)).parameters.as_dict()
-    if gained:
-        for name in added:
-            values |= values_of(name, ledger.fits[key].values)
-    return replace(base, effects=key, values=values)
+    return replace(base, effects=names, values=values)

@@ -60,13 +60,15 @@ def _begin(
 
 
 def refine_again(
-    ledger: FitLedger, nominal: FittedModel, names: Names, start: FittedModel | None = None
+    ledger: FitLedger, nominal: FittedModel, starts: Mapping[Names, FittedModel]
 ) -> None:
-    """Refine a model again, from where it ended or another start; what leaves less is kept."""
-    before = ledger.trials.pop(names)
-    refine_all(ledger, nominal, {names: start or before[0]})
-    ledger.trials[names] = min(before, ledger.trials[names], key=lambda trial: trial[1])
-    ledger.failures.pop(names, None)  # where only the second refinement failed
+    """Refine models that were refined before from other starts; what leaves less is kept."""
+    before = {key: ledger.trials.pop(key) for key in starts}
+    refine_all(ledger, nominal, starts)
+    for key, trial in before.items():
+        ledger.trials[key] = min(trial, ledger.trials[key], key=lambda each: each[1])
+        if ledger.trials[key][1] < np.inf:
+            ledger.failures.pop(key, None)  # where only one of the refinements failed
 
 
 def _refine_and_simulate(

@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from pneumo_casadi.effects.common.progression import PROGRESSION
 from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression
@@ -34,7 +35,7 @@ class ElasticLoad(Effect):
     masses = ("m_2",)
     # A resonance is felt in its own narrow band: a fit that begins beside it finds nothing.
     scanned = MappingProxyType({"f": tuple(4.0 * 1.1**i for i in range(24))})
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "m_2",
             0.0,
@@ -92,8 +93,29 @@ class ElasticLoad(Effect):
         """Subtract what accelerates the load."""
         return F - at["m_2"] * self._acceleration(at)
 
-    @staticmethod
-    def _acceleration(at: Scope) -> Expression:
-        omega = 2 * np.pi * at["f"]
-        apart, sliding = at["x_2"] - at.x, at["v_2"] - at.v
-        return -(omega**2) * apart - 2 * at["zeta"] * omega * sliding
+    def _acceleration(self, at: Scope) -> Expression:
+        omega, sliding = 2 * np.pi * at["f"], at["v_2"] - at.v
+        stretch = self._effective_stretch(at["x_2"] - at.x, at)
+        return -(omega**2) * stretch - 2 * at["zeta"] * omega * sliding
+
+    def _effective_stretch(self, stretch: Expression, at: Scope) -> Expression:
+        """Return the force of the spring over its stiffness at rest [m]."""
+        return stretch
+
+
+class ElasticLoadProgressive(ElasticLoad):
+    """An elastic load on a spring that stiffens as it is stretched, as rubber does.
+
+    With δ = x_2 - x the spring pulls m_2 ω² (δ + β δ³): its stiffness has doubled at δ = 1/√(3 β).
+    """
+
+    name = "elastic_load_progressive"
+    cause = "elastic_load"
+    generalises = "elastic_load"
+    equation = "m_2 ẍ_2 = −m_2 ω² (δ + β δ³) − 2 m_2 ζ ω δ̇ = −F, δ = x_2 − x, ω = 2π f"
+    source = "Duffing's spring; Den Hartog (1956), Mechanical Vibrations, ch. 8"
+    separated_by = "a sweep of frequencies at several amplitudes: the resonance moves up with them"
+    parameters = (*ElasticLoad.parameters, PROGRESSION)
+
+    def _effective_stretch(self, stretch: Expression, at: Scope) -> Expression:
+        return stretch * (1 + at["beta"] * stretch**2)

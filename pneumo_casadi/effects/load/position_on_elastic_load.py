@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
+from pneumo_casadi.effects.common.progression import PROGRESSION
 from pneumo_casadi.effects.common.regular_lag import numerator
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.friction_law import friction_force, smoothed_sign
@@ -93,7 +94,7 @@ class PositionOnElasticLoad(Effect):
         """Let the load swing under the force that reaches the piston."""
         F = self._between(entering["force"], at)
         _, m = _times(at)
-        return {"e": at["g"] / m, "g": (F - at["e"] - 2 * at["zeta"] * at["g"]) / m}
+        return {"e": at["g"] / m, "g": (F - self._through(at)) / m}
 
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
         """Change the volumes of the chambers with the piston instead of the load."""
@@ -107,9 +108,17 @@ class PositionOnElasticLoad(Effect):
     def force(self, F: Expression, at: Scope) -> Expression:
         """Return the mass times the acceleration that the spring gives to the load."""
         n, m = _times(at)
-        through = at["e"] + 2 * at["zeta"] * at["g"]
+        through = self._through(at)
         at_load = self._at_load(at)
         return through + (n / m) ** 2 * (self._between(F, at) - through) - at_load
+
+    def _through(self, at: Scope) -> Expression:
+        """Return the force of spring and damper, times M over the mass of the load [N]."""
+        return self._spring_force(at) + 2 * at["zeta"] * at["g"]
+
+    def _spring_force(self, at: Scope) -> Expression:
+        """Return the part of the spring."""
+        return at["e"]
 
     def _between(self, F: Expression, at: Scope) -> Expression:
         """Return the force that parts the two masses, times M over the mass of the load [N]."""
@@ -163,6 +172,24 @@ class PositionOnGuidedLoad(PositionOnElasticLoad):
 
     def _at_load(self, at: Scope) -> Expression:
         return at["phi"] / at["s"] * friction_force(at.v, at.direction, at.axis)
+
+
+class PositionOnProgressiveLoad(PositionOnGuidedLoad):
+    """As `PositionOnGuidedLoad`, on a spring that stiffens as it is stretched, as rubber does.
+
+    The spring pulls e (1 + β δ²) in place of e, with β as of `ElasticLoadProgressive`.
+    """
+
+    name = "position_on_progressive_load"
+    cause = "elastic_load"
+    generalises = "position_on_guided_load"
+    equation = "as `position_on_guided_load`, with e (1 + β δ²) in place of e"
+    source = "Duffing's spring; Den Hartog (1956), Mechanical Vibrations, ch. 8"
+    parameters = (*PositionOnGuidedLoad.parameters, PROGRESSION)
+
+    def _spring_force(self, at: Scope) -> Expression:
+        stretch, _ = _apart(at)
+        return at["e"] * (1 + at["beta"] * stretch**2)
 
 
 def _times(at: Scope) -> tuple[Expression, Expression]:

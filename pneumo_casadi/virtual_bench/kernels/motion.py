@@ -1,6 +1,6 @@
 """Forces on the piston, set-valued Coulomb friction and bristles."""
 
-from math import cos, exp, inf, pi, sin, sqrt, tanh
+from math import cos, exp, inf, pi, sin, sinh, sqrt, tanh
 from typing import Any
 
 from pneumo_casadi.parameters import FloatArray
@@ -17,6 +17,15 @@ DAMPING, FADING, STIFFNESS = 0.3, 2e-3, 1.302
 
 
 @kernel
+def load_acceleration(y: FloatArray, par: Any) -> Any:
+    """Return the acceleration that spring and damper give to the second mass [m/s²]."""
+    omega, stretch = 2.0 * pi * par.elastic_load_f, y[X_2] - y[X]
+    if par.elastic_load_hardening > 0.0:
+        stretch = sinh(par.elastic_load_hardening * stretch) / par.elastic_load_hardening
+    return -omega * (omega * stretch + 2.0 * par.elastic_load_zeta * (y[V_2] - y[V]))
+
+
+@kernel
 def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> Any:
     """Return all force on the piston but Coulomb friction [N], and its part from gas pressure."""
     x, v = y[X], y[V]
@@ -25,18 +34,15 @@ def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> 
     if par.slope != 0.0:  # of the way up: weight against +x
         F -= par.M * STANDARD_GRAVITY * par.slope
     if par.quadratic_drag_c > 0.0:
-        F -= par.quadratic_drag_c * abs(v) ** par.quadratic_drag_power * v
+        c = par.quadratic_drag_c * (1.0 if v > 0.0 else par.quadratic_drag_backward)
+        F -= c * abs(v) ** par.quadratic_drag_power * v
     if par.spring_load_k != 0.0:  # stiffens towards the ends
         if par.spring_load_one_sided > 0.0:  # slack at first
             F -= par.spring_load_k * par.spring_load_one_sided * max(x + 0.05 * par.half, 0.0)
         else:
             F -= par.spring_load_k * x * (1.0 + par.spring_load_hardening * (x / par.half) ** 2)
     if par.elastic_load_m_2 > 0.0:
-        omega = 2.0 * pi * par.elastic_load_f
-        acceleration = omega * omega * (y[X_2] - x) + 2.0 * par.elastic_load_zeta * omega * (
-            y[V_2] - v
-        )
-        F += par.elastic_load_m_2 * acceleration
+        F -= par.elastic_load_m_2 * load_acceleration(y, par)
     if par.cogging_A > 0.0:
         F += par.cogging_A * sin(2.0 * pi * x / par.cogging_pitch)
     if par.vibration_A > 0.0:
@@ -56,11 +62,8 @@ def piston_mass(par: Any) -> Any:
 def load_rates(y: FloatArray, dy: FloatArray, par: Any) -> None:
     """Fill the rates of the second mass."""
     if par.elastic_load_m_2 > 0.0:
-        omega = 2.0 * pi * par.elastic_load_f
         dy[X_2] = y[V_2]
-        dy[V_2] = -omega * omega * (y[X_2] - y[X]) - 2.0 * par.elastic_load_zeta * omega * (
-            y[V_2] - y[V]
-        )
+        dy[V_2] = load_acceleration(y, par)
 
 
 @kernel
