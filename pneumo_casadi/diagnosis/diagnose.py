@@ -188,7 +188,7 @@ def diagnose(
     judgement = decision.judgement
     in_model = effects_found(study, unbiased, judgement, chosen) if named else ()
     sure = set(selection.named) - set(judgement.undecided)
-    weak, corrections = unnamed_effects(in_model, selection.besides, chosen)
+    weak, corrections = unnamed_effects(in_model, selection.weak, chosen)
     alternatives = tuple(dict.fromkeys(causes_of(names, known) for names in decision.alternatives))
     return Diagnosis(
         case=case.name,

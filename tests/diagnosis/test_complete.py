@@ -325,7 +325,9 @@ def test_a_selected_effect_is_named_if_without_it_the_model_is_not_credible(
 def test_an_effect_of_no_size_that_keeps_a_model_credible_is_not_named(monkeypatch):
     bench = Bench(monkeypatch, ALONE | {"leak": 5.0})
     bench.incredible = {("hose", "lag")}
-    assert bench.complete("hose", "leak") == Completed(("hose", "leak", "lag"), ("hose",))
+    assert bench.complete("hose", "leak") == Completed(
+        ("hose", "leak", "lag"), ("hose",), ("leak",)
+    )
 
 
 def test_what_only_corrects_a_coarse_map_is_not_named(monkeypatch):

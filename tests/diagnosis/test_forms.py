@@ -1,5 +1,6 @@
 """Several forms of one cause: the best stands for it, and the verdict names the cause."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -231,10 +232,10 @@ def test_another_form_takes_the_place_of_the_only_effect_of_a_model(ledger, monk
 
 def test_before_a_gap_is_unknown_the_forms_not_tried_so_far_are_fitted(ledger, monkeypatch):
     """One that gains much stands for its cause then; what was tried is not fitted again."""
-    asked = []
+    asked = {}
 
     def fit_all(self, starts):
-        asked.extend(starts)
+        asked.update(starts)
         self.fits["hose_volume",] = gaining(300)
 
     monkeypatch.setattr(FitLedger, "fit_all", fit_all)
@@ -242,11 +243,28 @@ def test_before_a_gap_is_unknown_the_forms_not_tried_so_far_are_fitted(ledger, m
     nominal = SimpleNamespace(**vars(gaining(0)), values={})
     tried = set(ledger.catalogue) - {"hose_volume"}
     keep_best_forms(ledger, nominal)
-    more = fit_remaining_forms(ledger, nominal, tried)
-    assert asked == [("hose_volume",)]
+    shapes = ({"hose_volume.C": 1e-9}, {"hose_volume.C": 4e-9})
+    promised = replace(promises(["hose_volume"])["hose_volume"], starts=shapes)
+    more = fit_remaining_forms(ledger, nominal, {"hose_volume": promised}, tried)
+    assert asked == {("hose_volume",): Start({}, shapes)}
     assert set(more["hose"]) == {"hose", "hose_volume"}
     assert "hose_volume" in ledger.offered and "hose" in ledger.left_out
-    assert fit_remaining_forms(ledger, nominal, ledger.catalogue) == {}
+    assert fit_remaining_forms(ledger, nominal, {}, ledger.catalogue) == {}
+
+
+@pytest.mark.parametrize(
+    ("over_guided", "kept"),
+    [(19.0, "position_on_guided_load"), (21.0, "position_on_progressive_load")],
+)
+def test_a_form_earns_the_parameters_that_it_has_beyond_the_one_it_contains(over_guided, kept):
+    """Fits of nested forms end within rounding of each other, and the largest would be told."""
+    names = ("elastic_load", "position_on_elastic_load")
+    names += ("position_on_guided_load", "position_on_progressive_load")
+    ledger = FitLedger(SimpleNamespace(criteria=CRITERIA), {n: EFFECTS[n] for n in names})
+    gains = (50.0, 100.0, 121.0, 121.0 + over_guided)
+    ledger.fits.update({(n,): gaining(g) for n, g in zip(names, gains, strict=True)})
+    keep_best_forms(ledger, gaining(0))
+    assert set(ledger.fits) == {(kept,)}
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,19 @@ def test_a_second_sensor_is_tried_where_it_gains_in_fits(cost, tried):
     assert ("backlash" in _candidates(worker, ("position_delay",))) is tried
 
 
+def test_where_both_refinements_fail_their_reason_stays(monkeypatch):
+    names, start = ("backlash", "presliding"), SimpleNamespace(values={})
+    worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
+    worker.trials[names] = start, np.inf
+    failed = Future()
+    failed.set_exception(FitError("ran away"))
+    monkeypatch.setattr(worker, "run", lambda *given: failed)
+    refine_again(worker, None, {names: start})
+    assert worker.trials[names][1] == np.inf
+    assert "ran away" in worker.failures[names].reason
+    refine_again(worker, None, {})
+
+
 def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypatch):
     names, first = ("backlash", "presliding"), SimpleNamespace(values={})
     worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
@@ -121,7 +134,7 @@ def test_an_effect_that_only_led_out_of_a_local_minimum_is_not_needed(monkeypatc
     worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
     worker.trials = {known: (None, 0.6), names: (ended, 0.2)}
 
-    def refined(ledger, nominal, starts):
+    def refined(ledger, nominal, starts, iterations):
         ((key, start),) = starts.items()
         assert key == known
         assert start.values == {"M": 2.0, "backlash.gap": 1e-3}
@@ -165,7 +178,8 @@ def test_output_error_goes_on_from_what_it_has_made_of_the_smaller_model(simulat
 
 
 @pytest.mark.parametrize(
-    ("at_first", "again", "left"), [(1.8, True, 0.3), (0.64, False, None), (0.3, False, 0.3)]
+    ("at_first", "again", "left"),
+    [(1.8, True, 0.3), (np.inf, True, 0.3), (0.64, False, None), (0.3, False, 0.3)],
 )
 def test_a_larger_model_that_leaves_more_begins_again_with_the_smaller_one(
     simulated, monkeypatch, at_first, again, left

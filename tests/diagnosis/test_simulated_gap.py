@@ -102,6 +102,22 @@ def test_where_simulations_show_no_gap_none_is_left(sound_study):
 
 
 @pytest.mark.parametrize(
+    ("before", "after", "left"),
+    [
+        (4.0, 1.05, 0.0),  # no more than a right model
+        (4.0, 2.0, 0.4344),
+        (1.25, 1.05, 1.0),  # no gap that calls for a cause
+    ],
+)
+def test_what_a_right_model_leaves_beside_the_noise_is_no_gap(sound_study, before, after, left):
+    done, nominal, other = Simulations(sound_study), object(), object()
+    for fit, floors in ((nominal, before), (other, after)):
+        done.keep(fit, Simulated(np.tile((floors * done.floor) ** 2, (20, 1))), WINDOW)
+    assert done.share(nominal, other, ()) == pytest.approx(left, abs=1e-3)
+    assert done.tells(nominal, other, ()) is (before > 2.0)
+
+
+@pytest.mark.parametrize(
     ("floors", "force", "shown"),
     [(0.5, 1.0, False), (2.0, 1.0, True), (2.0, 2.0, False)],
     ids=["noise", "simulations alone", "balances too"],

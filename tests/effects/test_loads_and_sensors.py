@@ -49,7 +49,11 @@ def test_a_spring_conserves_energy_and_swings_at_its_frequency(made):
 @pytest.mark.parametrize(
     ("effect", "values", "force"),
     [
-        (SpringLoadProgressive, {"k": 100.0, "k_3": 1e4, "x_0": 0.02}, {0.12: -20.0, -0.08: 20.0}),
+        (
+            SpringLoadProgressive,
+            {"k": 100.0, "beta": 100.0, "x_0": 0.02},
+            {0.12: -20.0, -0.08: 20.0},
+        ),
         (SpringLoadTwoSided, {"k_minus": 50.0, "k_plus": 300.0}, {0.1: -30.0, -0.1: 5.0}),
         (SpringLoadTwoSided, {"k_plus": 300.0, "x_0": 0.04}, {0.1: -18.0, -0.1: 0.0}),
     ],
@@ -135,6 +139,11 @@ def test_a_load_on_rubber_whose_position_is_measured_is_pulled_by_the_cube_of_th
     before, after = (
         each.rhs(x, u, each.parameters.values).full().ravel() for each in (axis, stiffened)
     )
+    for each in (axis, stiffened):  # at rest nothing swings
+        at_rest = each.rest(x[:4], u, each.parameters.values)
+        assert each.rhs(at_rest, u, each.parameters.values).full().ravel()[4:] == pytest.approx(
+            0.0, abs=1e-6
+        )
     assert M * (after[3] - before[3]) == pytest.approx(200.0, rel=0.01)
     assert after[5] - before[5] == pytest.approx(-200.0 / 0.05, rel=0.05)
 

@@ -37,10 +37,13 @@ class Completed:
         All its effects.
     named : tuple of str
         Those large enough to be named.
+    idle : tuple of str
+        Those of no size, without which another one would not be credible. They are not told.
     """
 
     acting: Names
     named: Names
+    idle: Names = ()
 
 
 def complete(
@@ -62,7 +65,9 @@ def complete(
     acting = find_acting(ledger, nominal, final, levels, useful)
     if not useful(acting):
         return Completed(acting, ())
-    return Completed(acting, _Completion(ledger, nominal, levels, final).select_named(acting))
+    work = _Completion(ledger, nominal, levels, final)
+    named = work.select_named(acting)
+    return Completed(acting, named, work.select_idle(acting, named))
 
 
 def find_acting(
@@ -154,6 +159,15 @@ class _Completion:
         )
         losses = {name: fitted.cost for name, fitted in without.items() if fitted is not None}
         return named or (max(losses, key=lambda name: losses[name]),)
+
+    def select_idle(self, acting: Names, named: Names) -> Names:
+        """Return the effects that gain less than any effect of the model must, and stay in it."""
+        present, least = self.near.fit_of(acting), self.levels.criteria.plausible_gain
+        return tuple(
+            name
+            for name, fitted in self.near.without_each(acting).items()
+            if name not in named and fitted is not None and gained(fitted, present) < least
+        )
 
     def _matters(self, name: str, names: Names, without: FittedModel | None) -> bool:
         """Return whether an effect of a model is large enough to be named."""

@@ -124,16 +124,14 @@ def keep_best_forms(
     forms: dict[str, list[str]] = {}
     for name in ledger.catalogue:
         forms.setdefault(cause_of(name, ledger.catalogue), []).append(name)
-    gain = ledger.study.criteria.form_gain
     fits: dict[str, Mapping[str, FittedModel]] = {}
     for cause, names in forms.items():
         fitted = {name: ledger.fits[name,] for name in names if (name,) in ledger.fits}
         if len(names) == 1 or not fitted:
             continue
-        # The usual form, named as its cause, has no more parameters than others: they must earn it.
         best = max(
             fitted,
-            key=lambda name: gain_on_all_records(nominal, fitted[name]) - gain * (name != cause),
+            key=lambda name: gain_on_all_records(nominal, fitted[name]) - _price(ledger, (name,)),
         )
         fits[cause] = fitted
         stand_for_cause(ledger, best)
@@ -141,19 +139,43 @@ def keep_best_forms(
 
 
 def fit_remaining_forms(
-    ledger: FitLedger, nominal: FittedModel, tried: Collection[str]
+    ledger: FitLedger,
+    nominal: FittedModel,
+    screened: Mapping[str, ScreenResult],
+    tried: Collection[str],
 ) -> Mapping[str, Mapping[str, FittedModel]]:
     """Fit the forms not tried so far alone; return the fits by cause, as `keep_best_forms` does.
 
-    Before a gap is called unknown. The screen feels no parameter that acts only beside others, as
-    the progression of a spring does; such a form promises no more than the one it contains. Those
-    with stairs wait for the usual form all the same.
+    Where no effect is accepted, before the gap is called unknown. The screen feels no parameter
+    that acts only beside others, as the progression of a spring does; such a form promises no more
+    than the one it contains. Those with stairs wait for the usual form all the same.
     """
     waiting = _waiting(ledger)
     rest = [name for name in ledger.catalogue if name not in tried and name not in waiting]
     ledger.left_out -= set(rest)
-    ledger.fit_all({(name,): Start(nominal.values) for name in rest})
+    ledger.fit_all({(name,): start_alone(nominal, screened.get(name)) for name in rest})
     return keep_best_forms(ledger, nominal) if rest else {}
+
+
+def start_alone(nominal: FittedModel, screened: ScreenResult | None) -> Start:
+    """Return where the fit of an effect alone begins: at every sign of its shape."""
+    if screened is None:
+        return Start(nominal.values)
+    return Start(nominal.values, screened.starts, None if screened.felt else nominal.cost)
+
+
+def _price(ledger: FitLedger, names: Iterable[str]) -> float:
+    """Return the log-likelihood by which forms must be better than the usual ones of their causes.
+
+    The usual form, named as its cause, has no more parameters than others; one that contains
+    another form has more than that one.
+    """
+    price = 0.0
+    for name in names:
+        while name in ledger.catalogue and cause_of(name, ledger.catalogue) != name:
+            price += ledger.study.criteria.form_gain
+            name = _contained(ledger, name)
+    return price
 
 
 def other_forms_of(ledger: FitLedger, name: str) -> list[str]:
@@ -214,10 +236,10 @@ def with_other_form(
     better = [
         key
         for key, gain in gains.items()
-        if gain >= criteria.form_gain
+        if gain >= max(criteria.form_gain, _price(ledger, key) - _price(ledger, known))
         and (len(key) == len(known) or share_left(nominal, ledger.fits[key], levels) <= most)
     ]
-    best = max(better, key=gains.__getitem__, default=known)
+    best = max(better, key=lambda key: gains[key] - _price(ledger, key), default=known)
     for key in gains:  # another form of a cause is no rival of it
         if len(key) == len(known) and key != best:
             del ledger.fits[key]

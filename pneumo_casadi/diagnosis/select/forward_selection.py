@@ -43,7 +43,7 @@ from pneumo_casadi.diagnosis.select.hidden_motion import (
     motion_is_hidden,
 )
 from pneumo_casadi.diagnosis.select.propose import fit_alone, fit_extensions
-from pneumo_casadi.runtime.progress import Progress, no_progress
+from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 
 #: Effects that are selected one after another, by refits of all that may be next; weak ones besides
 #: are left to `complete`.
@@ -134,6 +134,12 @@ class Selection:
         return tuple(name for name in self.chosen if name not in self.named)
 
     @property
+    def weak(self) -> Names:
+        """Those besides that have a size of their own; see `Completed`."""
+        idle = () if self.completed is None else self.completed.idle
+        return tuple(name for name in self.besides if name not in idle)
+
+    @property
     def final(self) -> FittedModel:
         """The final model."""
         if not self.path:
@@ -173,19 +179,7 @@ def select_effects(
     report("screening the catalogue", 0.1)
     ledger.screen_all(nominal)
     first = ledger.over(background(study, nominal, nominal))
-    report("refitting single effects", 0.3)
-    begin_waiting_forms(ledger, nominal, first)
-    fit_alone(ledger, nominal, first)
-    fit_waiting_forms(ledger, nominal, levels)
-    tried = {name for names in (*ledger.fits, *ledger.failures) for name in names}
-    forms = keep_best_forms(ledger, nominal)
-    ledger.begin_report((), nominal)
-    path = _forward(ledger, nominal, levels, report)
-    if not path and np.any(levels.exceeded(residual_rms(nominal), levels.criteria.visible)):
-        report("trying all forms", 0.8)
-        more = fit_remaining_forms(ledger, nominal, tried)
-        forms = {**forms, **{cause: {**forms.get(cause, {}), **more[cause]} for cause in more}}
-        path = _forward(ledger, nominal, levels, report)
+    path, forms = _search(ledger, nominal, first, levels, report)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     shares: Mapping[str, float] = {}
     completed, simulated = None, False
@@ -221,6 +215,33 @@ def select_effects(
         ledger.by_simulation,
         simulated,
     )
+
+
+def _search(
+    ledger: FitLedger,
+    nominal: FittedModel,
+    screened: Mapping[str, ScreenResult],
+    levels: BalanceLevels,
+    report: Progress,
+) -> tuple[tuple[Names, ...], Mapping[str, Mapping[str, FittedModel]]]:
+    """Return the path taken, and by cause the fits of all its forms that were tried.
+
+    Where no effect is accepted, all forms are, before a visible gap is called unknown.
+    """
+    report("refitting single effects", 0.3)
+    begin_waiting_forms(ledger, nominal, screened)
+    fit_alone(ledger, nominal, screened)
+    fit_waiting_forms(ledger, nominal, levels)
+    tried = {name for names in (*ledger.fits, *ledger.failures) for name in names}
+    forms = keep_best_forms(ledger, nominal)
+    ledger.begin_report((), nominal)
+    path = _forward(ledger, nominal, levels, report)
+    if path or not np.any(levels.exceeded(residual_rms(nominal), levels.criteria.visible)):
+        return path, forms
+    report("trying all forms", 0.8)
+    more = fit_remaining_forms(ledger, nominal, screened, tried)
+    forms = {**forms, **{cause: {**forms.get(cause, {}), **more[cause]} for cause in more}}
+    return _forward(ledger, nominal, levels, progress_range(report, 0.8, 0.85)), forms
 
 
 def _forward(

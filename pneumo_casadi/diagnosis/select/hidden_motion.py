@@ -69,9 +69,8 @@ def find_hiding_extension(
     ):
         return None
     refine_all(ledger, nominal, {best: fits[best]})
-    if ledger.trials[best][1] > criteria.closed * ledger.simulations.share(
-        nominal, current, before
-    ):
+    share = ledger.simulations.share(nominal, current, before)
+    if ledger.trials[best][1] > min(criteria.closed * share, share - criteria.matters):
         return None
     ledger.take(best)
     return best
@@ -167,16 +166,17 @@ def _extended(
     shares = {key: ledger.trials[key][1] for key in starts}
     # Leaving more than the model that it contains, a model has begun too far off.
     far = {
-        key: _with_starting_values(ledger, known, key)
-        for key in starts
-        if key in ledger.fits and shares[key] > share + criteria.matters
+        keys[name]: _with_starting_values(ledger, known, keys[name])
+        for name in keys
+        if _gains(ledger, known, (name,)) and shares.get(keys[name], 0.0) > share + criteria.matters
     }
-    refine_again(ledger, nominal, far)
-    shares = {key: ledger.trials[key][1] for key in starts}
-    best = min(shares, key=lambda key: shares[key], default=None)
-    if best is None or shares[best] > min(criteria.closed * share, share - criteria.matters, 1.0):
+    refine_again(ledger, nominal, far, TRIAL_ITERATIONS)
+    best = min(starts, key=lambda key: ledger.trials[key][1], default=None)
+    if best is None or ledger.trials[best][1] > criteria.closed * share:
         return None
     refine_again(ledger, nominal, {best: ledger.trials[best][0]})
+    if ledger.trials[best][1] > min(criteria.closed * share, share - criteria.matters, 1.0):
+        return None
     if not _is_needed(ledger, nominal, known, best):
         return None
     ledger.fits.setdefault(best, ledger.trials[best][0])

@@ -10,7 +10,7 @@ from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.screen.background import background
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
-from pneumo_casadi.diagnosis.select.forms import forms_to_fit
+from pneumo_casadi.diagnosis.select.forms import forms_to_fit, start_alone
 
 #: Effects refitted in later rounds, in the order of the screen. The first round refits all: a
 #: linearisation at the nominal fit does not predict the gain of a large effect.
@@ -92,14 +92,7 @@ def fit_alone(
 ) -> None:
     """Fit a model with each effect alone, from every sign of its shape."""
     ledger.fit_all(
-        {
-            (name,): Start(
-                nominal.values,
-                screened[name].starts,
-                None if screened[name].felt else nominal.cost,
-            )
-            for name in forms_to_fit(ledger, screened)
-        }
+        {(name,): start_alone(nominal, screened[name]) for name in forms_to_fit(ledger, screened)}
     )
 
 

@@ -60,11 +60,14 @@ def _begin(
 
 
 def refine_again(
-    ledger: FitLedger, nominal: FittedModel, starts: Mapping[Names, FittedModel]
+    ledger: FitLedger,
+    nominal: FittedModel,
+    starts: Mapping[Names, FittedModel],
+    iterations: int = MAX_ITERATIONS,
 ) -> None:
     """Refine models that were refined before from other starts; what leaves less is kept."""
     before = {key: ledger.trials.pop(key) for key in starts}
-    refine_all(ledger, nominal, starts)
+    refine_all(ledger, nominal, starts, iterations)
     for key, trial in before.items():
         ledger.trials[key] = min(trial, ledger.trials[key], key=lambda each: each[1])
         if ledger.trials[key][1] < np.inf:

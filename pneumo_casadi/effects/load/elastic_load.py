@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pneumo_casadi.effects.common.progression import PROGRESSION
+from pneumo_casadi.effects.common.progression import PROGRESSION, PROGRESSIONS
 from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression
@@ -25,7 +25,7 @@ class ElasticLoad(Effect):
     """
 
     name = "elastic_load"
-    absorbed_by = Absorption(("M",))
+    absorbed_by: ClassVar[Absorption | None] = Absorption(("M",))
     equation = "m_2 ẍ_2 = −m_2 ω² (x_2 − x) − 2 m_2 ζ ω (ẋ_2 − ẋ) = −F, ω = 2π f"
     source = "two-mass oscillator, Den Hartog (1956), Mechanical Vibrations, ch. 3"
     shows = "force balance, in one band of frequencies"
@@ -107,14 +107,17 @@ class ElasticLoadProgressive(ElasticLoad):
     """An elastic load on a spring that stiffens as it is stretched, as rubber does.
 
     With δ = x_2 - x the spring pulls m_2 ω² (δ + β δ³): its stiffness has doubled at δ = 1/√(3 β).
+    What `swings` returns holds for small swings.
     """
 
     name = "elastic_load_progressive"
     cause = "elastic_load"
     generalises = "elastic_load"
+    absorbed_by = None  # what parameters take up is told of the usual form
     equation = "m_2 ẍ_2 = −m_2 ω² (δ + β δ³) − 2 m_2 ζ ω δ̇ = −F, δ = x_2 − x, ω = 2π f"
     source = "Duffing's spring; Den Hartog (1956), Mechanical Vibrations, ch. 8"
     separated_by = "a sweep of frequencies at several amplitudes: the resonance moves up with them"
+    scanned = MappingProxyType({**ElasticLoad.scanned, "beta": PROGRESSIONS})
     parameters = (*ElasticLoad.parameters, PROGRESSION)
 
     def _effective_stretch(self, stretch: Expression, at: Scope) -> Expression:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
-from pneumo_casadi.effects.common.progression import PROGRESSION
+from pneumo_casadi.effects.common.progression import PROGRESSION, PROGRESSIONS
 from pneumo_casadi.effects.common.regular_lag import numerator
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.friction_law import friction_force, smoothed_sign
@@ -15,6 +15,8 @@ from pneumo_casadi.parameters import Parameter
 
 #: A chamber keeps at least this share of the volume that belongs to the measured position.
 CAPACITY_LEAST = 0.1
+#: √(3 κ) of a spring that does not stiffen [1/N]: Cardano's root needs one.
+LEAST_STEEP = 1e-7
 
 
 class PositionOnElasticLoad(Effect):
@@ -171,7 +173,7 @@ class PositionOnGuidedLoad(PositionOnElasticLoad):
         return _force_on_piston(F, at, 1 - at["phi"]) + self._at_load(at)
 
     def _at_load(self, at: Scope) -> Expression:
-        return at["phi"] / at["s"] * friction_force(at.v, at.direction, at.axis)
+        return at["phi"] / at["s"] * at.friction
 
 
 class PositionOnProgressiveLoad(PositionOnGuidedLoad):
@@ -185,7 +187,19 @@ class PositionOnProgressiveLoad(PositionOnGuidedLoad):
     generalises = "position_on_guided_load"
     equation = "as `position_on_guided_load`, with e (1 + β δ²) in place of e"
     source = "Duffing's spring; Den Hartog (1956), Mechanical Vibrations, ch. 8"
+    scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {**PositionOnGuidedLoad.scanned, "beta": PROGRESSIONS}
+    )
     parameters = (*PositionOnGuidedLoad.parameters, PROGRESSION)
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start with the load moving as the piston does: e (1 + κ e²) is the force through it.
+
+        By Cardano's formula; a spring that softens begins as a linear one.
+        """
+        F = entering["force"] + self._at_load(at)
+        steep = ca.sqrt(3 * ca.fmax(at["beta"], 0) * _compliance(at) ** 2 + LEAST_STEEP**2)
+        return {"e": 2 / steep * ca.sinh(ca.asinh(1.5 * steep * F) / 3), "g": 0.0}
 
     def _spring_force(self, at: Scope) -> Expression:
         stretch, _ = _apart(at)
@@ -201,15 +215,19 @@ def _times(at: Scope) -> tuple[Expression, Expression]:
 def _apart(at: Scope) -> tuple[Expression, Expression]:
     """Return δ [m] and its rate [m/s]."""
     _, m = _times(at)
-    compliance = at["D"] ** 2 / ((1 - at["s"]) * at.axis["M"])
-    return compliance * at["e"], compliance * at["g"] / m
+    return _compliance(at) * at["e"], _compliance(at) * at["g"] / m
+
+
+def _compliance(at: Scope) -> Expression:
+    """Return δ over e [m/N]."""
+    return at["D"] ** 2 / ((1 - at["s"]) * at.axis["M"])
 
 
 def _force_on_piston(F: Expression, at: Scope, share: Expression) -> Expression:
     """Replace a share of the friction at the velocity of the load by that at the piston's."""
     v, axis = at.v + _apart(at)[1], at.axis
     at_piston = friction_force(v, smoothed_sign(v, axis["v_s"]), axis)
-    return F - share * (at_piston - friction_force(at.v, at.direction, axis))
+    return F - share * (at_piston - at.friction)
 
 
 def _at_the_load(

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
+from pneumo_casadi.effects.common.progression import PROGRESSION
 from pneumo_casadi.effects.common.stroke import PLACE
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
@@ -48,28 +49,23 @@ class SpringLoad(Effect):
 class SpringLoadProgressive(SpringLoad):
     """A spring that stiffens, or softens, with the way from where it is at rest.
 
-    F = −k (x − x₀) − k₃ (x − x₀)³: a rolled hose, a leaf or conical spring, a rubber buffer. Where
-    k₃ is small, x₀ is a `constant_force` of k x₀.
+    F = −k (d + β d³) with d = x − x₀: a rolled hose, a leaf or conical spring, a rubber buffer.
+    Where β is small, x₀ is a `constant_force` of k x₀. What pushes away from x₀ is no spring.
     """
 
     name = "spring_load_progressive"
     cause = "spring_load"
     generalises = "spring_load"
-    equation = "F = −k (x − x₀) − k₃ (x − x₀)³"
+    equation = "F = −k (d + β d³), d = x − x₀"
     source = "the first odd terms of any symmetrical spring"
     parameters = (
         STIFFNESS,
-        Parameter(
-            "k_3",
-            0.0,
-            "N/m3",
-            lower=-1e4,
-            upper=1e6,
-            scale=3000.0,
-            null=0.0,
-            start=0.0,
-            description="progression of the stiffness",
-            source="stiffness that doubles within a tenth to half of the stroke",
+        replace(
+            PROGRESSION,
+            lower=-20.0,
+            upper=1e4,
+            scale=10.0,
+            source="stiffness that doubles within 1 cm to half a metre; some soften by a third",
         ),
         replace(PLACE, description="where the spring is at rest, from mid-stroke"),
     )
@@ -77,7 +73,7 @@ class SpringLoadProgressive(SpringLoad):
     def force(self, F: Expression, at: Scope) -> Expression:
         """Subtract the spring's force."""
         way = at.x - at["x_0"]
-        return F - at["k"] * way - at["k_3"] * way**3
+        return F - at["k"] * (way + at["beta"] * way**3)
 
 
 class SpringLoadTwoSided(SpringLoad):
