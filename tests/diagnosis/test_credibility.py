@@ -11,6 +11,7 @@ from pneumo_casadi.diagnosis.decide.credibility import review_verdict
 from pneumo_casadi.diagnosis.decide.decision import decide_verdict
 from pneumo_casadi.diagnosis.decide.judgement import Judgement
 from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.diagnosis.prepare import fitted_model
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model, require_credible
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
@@ -31,6 +32,22 @@ class Gain(Effect):
 
     def output(self, y, at):
         return {**y, "p_P": y["p_P"] * (1 + at["g"])}
+
+
+def test_a_fit_that_runs_away_in_records_held_out_is_none(sound_study, monkeypatch):
+    """Its residuals were squared to infinity, and no number came out of what was left."""
+    fit = fitted_model.fit_equation_error
+
+    def running_away(*given, **named):
+        result = fit(*given, **named)
+        monkeypatch.setattr(
+            type(result), "residuals_of", lambda self, motion: np.full((3, 5), 1e200)
+        )
+        return result
+
+    monkeypatch.setattr(fitted_model, "fit_equation_error", running_away)
+    with pytest.raises(FitError, match="runs away in records held out"):
+        fit_model(sound_study, ())
 
 
 @pytest.mark.parametrize(("tau", "dt", "refused"), [(7e-4, 1e-3, True), (7e-4, 2e-4, False)])

@@ -50,7 +50,7 @@ class FittedModel:
     values, std : mapping of str to float
         All parameters; standard deviations of the free ones.
     cost : float
-        See `EquationErrorResult`.
+        See `EquationErrorResult`; infinite where residuals held out are no finite numbers.
     train, held_out : tuple of (ne, m) array
         Residuals by record [Pa/s, Pa/s, N], of a force-driven axis over the mass [m/s²].
     used_train, used_held_out : tuple of (ne, m) array of bool
@@ -121,6 +121,8 @@ def fit_model(
     if base is not None and effects and fitted.cost >= base - MIN_GAIN:
         new = [n for n in axis.parameters.free_names if "." in n and n not in known]
         fitted = _fit_from_larger_starts(study, axis, new, fitted)
+    if not np.isfinite(fitted.cost):
+        raise FitError("with the parameters fitted, the effect runs away in records held out")
     if credible and not fitted.pace:  # one cut short may pass through what is not credible
         require_credible(study, effects, fitted)
     return fitted
@@ -280,13 +282,16 @@ def _fit(
         max_iterations=max_iterations,
         least_gain=least_gain,
     )
+    left = tuple(result.residuals_of(motion) for motion in held_out)
+    with np.errstate(over="ignore"):
+        finite = all(np.isfinite(np.square(part)).all() for part in left)
     return FittedModel(
         tuple(effect.name for effect in axis.effects),
         result.parameters.as_dict(),
         result.std,
-        result.cost,
+        result.cost if finite else np.inf,
         result.residuals,
-        tuple(result.residuals_of(motion) for motion in held_out),
+        left,
         result.used,
         tuple(motion.used(axis) for motion in held_out),
         result.converged,
