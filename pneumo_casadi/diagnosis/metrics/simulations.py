@@ -117,7 +117,7 @@ class Simulations:
     ) -> bool:
         """Return whether there is a gap, and both fits can be simulated: else `share` is 1.
 
-        No gap is what calls for no cause, as in the balances (`clean`).
+        What calls for no cause is no gap, as in the balances (`clean`).
         """
         before, after = self.windows(nominal, (), window), self.windows(fitted, effects, window)
         if isinstance(before, str) or isinstance(after, str):
@@ -190,7 +190,7 @@ class Simulations:
     def closure(
         self, nominal: FittedModel, fitted: FittedModel, effects: Sequence[Effect]
     ) -> Closure:
-        """Return what is no `share` of the windows' gap, with its interval."""
+        """Return the share of the gap that a fit closes, with its interval; see `share`."""
         before, after = self.windows(nominal, ()), self.windows(fitted, effects)
         if isinstance(before, str) or isinstance(after, str):
             return Closure(0.0, 0.0, 0.0)

@@ -170,12 +170,12 @@ def _price(ledger: FitLedger, names: Iterable[str]) -> float:
     The usual form, named as its cause, has no more parameters than others; one that contains
     another form has more than that one.
     """
-    price = 0.0
-    for name in names:
-        while name in ledger.catalogue and cause_of(name, ledger.catalogue) != name:
-            price += ledger.study.criteria.form_gain
-            name = _contained(ledger, name)
-    return price
+    further = 0
+    for form in names:
+        while form in ledger.catalogue and cause_of(form, ledger.catalogue) != form:
+            further += 1
+            form = _contained(ledger, form)
+    return further * ledger.study.criteria.form_gain
 
 
 def other_forms_of(ledger: FitLedger, name: str) -> list[str]:
