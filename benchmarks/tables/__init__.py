@@ -95,6 +95,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
         "withheld_24",
         "withheld_25",
         "withheld_26",
+        "withheld_27",
         "withheld_newest",
     ),
 }

@@ -195,6 +195,7 @@ def test_a_larger_model_that_leaves_more_begins_again_with_the_smaller_one(
 
     for module in (hidden_motion, refined_trials):
         monkeypatch.setattr(module, "refine_all", refine_all)
+    monkeypatch.setattr(simulated, "simulations", SimpleNamespace(leave_gap=lambda *given: True))
     monkeypatch.setattr(hidden_motion, "fit_extensions", lambda *given: None)
     monkeypatch.setattr(hidden_motion, "_candidates", lambda *given: ["valve_null_shift"])
     monkeypatch.setattr(hidden_motion, "beside", lambda *given: simulated.fits[BOTH])
@@ -206,6 +207,17 @@ def test_a_larger_model_that_leaves_more_begins_again_with_the_smaller_one(
     assert any(start.values["M"] == 2.0 for start in starts) is again
     if left:
         assert simulated.trials[BOTH][1] == left
+
+
+def test_where_nothing_is_left_that_calls_for_a_cause_no_other_effect_is_tried(
+    simulated, monkeypatch
+):
+    """Of a play's rest, 0.4 noise floors, Stribeck friction that was not there left a sixth."""
+    monkeypatch.setattr(hidden_motion, "refine_all", lambda *given: None)
+    monkeypatch.setattr(simulated, "simulations", SimpleNamespace(leave_gap=lambda *given: False))
+    monkeypatch.delattr(hidden_motion, "fit_extensions")
+    levels = SimpleNamespace(criteria=CRITERIA)
+    assert hidden_motion._extended(simulated, None, PLAY, levels) is None
 
 
 def test_it_begins_with_the_balances_where_their_smaller_model_leaves_less(simulated, monkeypatch):

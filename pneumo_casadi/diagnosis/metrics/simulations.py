@@ -115,14 +115,21 @@ class Simulations:
         effects: Sequence[Effect],
         window: float = WINDOW,
     ) -> bool:
-        """Return whether there is a gap, and both fits can be simulated: else `share` is 1.
-
-        What calls for no cause is no gap, as in the balances (`clean`).
-        """
+        """Return whether there is a gap, and both fits can be simulated: else `share` is 1."""
         before, after = self.windows(nominal, (), window), self.windows(fitted, effects, window)
         if isinstance(before, str) or isinstance(after, str):
             return False
-        return _shows(before, self.floor, self.study.criteria.clean)
+        return self.leave_gap(nominal, (), window)
+
+    def leave_gap(
+        self, fitted: FittedModel, effects: Sequence[Effect], window: float = WINDOW
+    ) -> bool:
+        """Return whether windows of a fit leave what calls for a cause, as in balances (`clean`).
+
+        One that cannot be simulated leaves all.
+        """
+        squares = self.windows(fitted, effects, window)
+        return isinstance(squares, str) or _shows(squares, self.floor, self.study.criteria.clean)
 
     def alone_show_gap(self, nominal: FittedModel, levels: BalanceLevels) -> bool:
         """Return whether windows of the nominal model show a gap, and its balances show none."""

@@ -150,9 +150,11 @@ def _extended(
 ) -> Names | None:
     """Return a model with one more effect that simulations show to be better, or None."""
     refine_all(ledger, nominal, {known: ledger.fits[known]})
-    _, share = ledger.trials[known]
+    fitted, share = ledger.trials[known]
     criteria = ledger.study.criteria
     if share < (criteria.matters if len(known) == 1 else criteria.unexplained):
+        return None
+    if not ledger.simulations.leave_gap(fitted, ledger.effects(known)):
         return None
     # What a delay of the sensor hides from an effect alone the balances show beside it.
     fit_extensions(ledger, nominal, ledger.fits[known], known, levels)
