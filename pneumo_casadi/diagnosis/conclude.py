@@ -13,7 +13,7 @@ from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
 

@@ -42,7 +42,8 @@ from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
 from pneumo_casadi.diagnosis.result.diagnosis_result import Diagnosis
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forms import causes_of
-from pneumo_casadi.diagnosis.select.forward_selection import Selection, select_effects
+from pneumo_casadi.diagnosis.select.forward_selection import select_effects
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.diagnosis.wording.conclusions import separating_experiment, unknown_hint
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.flow_form import resolve_flow_form

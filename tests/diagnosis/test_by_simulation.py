@@ -16,7 +16,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select import by_simulation
 from pneumo_casadi.diagnosis.select.by_simulation import find_in_simulation
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.effects import EFFECTS
 
 LEVELS = BalanceLevels(np.ones(3), np.full(3, 100.0))

@@ -27,7 +27,7 @@ from pneumo_casadi.diagnosis.select import contributions as missed
 from pneumo_casadi.diagnosis.select.acceptance import accepted
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.contributions import SHORT, contributions
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 

@@ -22,12 +22,12 @@ from pneumo_casadi.diagnosis.discover.search import predicted_by, search
 from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term, told_as_fitted
 from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
+from pneumo_casadi.diagnosis.prepare.begun_jobs import BegunJobs
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.prepare.study import start_study
-from pneumo_casadi.diagnosis.select.begun_jobs import BegunJobs
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.effects.term.formula import FORMULAS

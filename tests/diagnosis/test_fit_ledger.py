@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from pneumo_casadi.diagnosis.prepare.begun_jobs import BegunJobs
 from pneumo_casadi.diagnosis.select import fit_ledger
-from pneumo_casadi.diagnosis.select.begun_jobs import BegunJobs
 from pneumo_casadi.diagnosis.select.fit_ledger import (
     MAX_ITERATIONS,
     SEARCH_ITERATIONS,

@@ -6,7 +6,7 @@ import pytest
 from pneumo_casadi.diagnosis.decide.judgement import missed_gain
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 
 LEVELS = BalanceLevels(np.ones(3), np.full(3, 100.0))
 

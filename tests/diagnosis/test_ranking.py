@@ -12,7 +12,7 @@ from pneumo_casadi.diagnosis.metrics.findings import EffectFound, Value
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.fit_ledger import Failed
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.effects import EFFECTS
 
 BEST, OTHER, RIVAL = ("hose", "stribeck"), ("leakage_N", "stribeck"), ("hose", "presliding")

@@ -10,7 +10,7 @@ from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.model.effect import EffectFactory
 
 #: Verdicts that name effects of the final model.

@@ -25,7 +25,7 @@ from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 

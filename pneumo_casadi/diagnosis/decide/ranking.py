@@ -17,7 +17,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Names
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 

@@ -11,7 +11,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     shares_left,
 )
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.junctions import MECHANICAL, Junction
 

@@ -29,7 +29,7 @@ from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
 from pneumo_casadi.diagnosis.select.complete import complete
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.model.effect import Effect
 

@@ -11,7 +11,7 @@ from pneumo_casadi.diagnosis.discover.term_in_model import Model
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure, residual_rms
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.model.effect import Effect
 
 

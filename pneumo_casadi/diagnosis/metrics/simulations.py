@@ -189,7 +189,7 @@ class Simulations:
         before, after = self.windows(nominal, (), window), self.windows(fitted, effects, window)
         if isinstance(before, str) or isinstance(after, str):
             return 1.0
-        if not self.tells(nominal, fitted, effects, window):
+        if not self.leave_gap(nominal, (), window):
             return 1.0
         floor = self._right_model
         return 1.0 - closure(overall_gap(before, floor), overall_gap(after, floor))

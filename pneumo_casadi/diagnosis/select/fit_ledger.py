@@ -8,6 +8,7 @@ from typing import Any
 
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW, simulate_fit
 from pneumo_casadi.diagnosis.metrics.simulations import Simulations
+from pneumo_casadi.diagnosis.prepare.begun_jobs import BegunJobs
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import (
     FAULTS,
@@ -21,7 +22,6 @@ from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
 from pneumo_casadi.diagnosis.screen.background import Background
 from pneumo_casadi.diagnosis.screen.directions import Direction, perturbation
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, screened
-from pneumo_casadi.diagnosis.select.begun_jobs import BegunJobs
 from pneumo_casadi.estimation.equation_error.fit import MAX_ITERATIONS
 from pneumo_casadi.model.effect import Effect, EffectFactory
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
+from pneumo_casadi.diagnosis.prepare.criteria import Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
@@ -70,7 +71,7 @@ def find_hiding_extension(
         return None
     refine_all(ledger, nominal, {best: fits[best]})
     share = ledger.simulations.share(nominal, current, before)
-    if ledger.trials[best][1] > min(criteria.closed * share, share - criteria.matters):
+    if not _closes_more(ledger.trials[best][1], share, criteria):
         return None
     ledger.take(best)
     return best
@@ -177,7 +178,8 @@ def _extended(
     if best is None or ledger.trials[best][1] > criteria.closed * share:
         return None
     refine_again(ledger, nominal, {best: ledger.trials[best][0]})
-    if ledger.trials[best][1] > min(criteria.closed * share, share - criteria.matters, 1.0):
+    left = ledger.trials[best][1]
+    if left > 1.0 or not _closes_more(left, share, criteria):
         return None
     if not _is_needed(ledger, nominal, known, best):
         return None
@@ -196,8 +198,12 @@ def _is_needed(ledger: FitLedger, nominal: FittedModel, known: Names, names: Nam
     added = tuple(f"{name}." for name in names if name not in known)
     values = {n: v for n, v in larger.values.items() if not n.startswith(added)}
     refine_again(ledger, nominal, {known: replace(larger, effects=known, values=values)})
-    criteria, least = ledger.study.criteria, ledger.trials[known][1]
-    return share <= min(criteria.closed * least, least - criteria.matters)
+    return _closes_more(share, ledger.trials[known][1], ledger.study.criteria)
+
+
+def _closes_more(left: float, before: float, criteria: Criteria) -> bool:
+    """Return whether what a model leaves is as much less as with a further effect it must be."""
+    return left <= min(criteria.closed * before, before - criteria.matters)
 
 
 def _without_needless(ledger: FitLedger, nominal: FittedModel, path: tuple[Names, ...]) -> Names:
@@ -268,10 +274,10 @@ def beside(
         return start
     if ledger.simulations.share(nominal, ledger.fits[known], effects) < share:
         return ledger.fits[key]
-    fitted = [values_of(name, ledger.fits[key].values) for name in added]
-    return replace(
-        start, values=dict(start.values) | {k: v for each in fitted for k, v in each.items()}
-    )
+    values = dict(start.values)
+    for name in added:
+        values |= values_of(name, ledger.fits[key].values)
+    return replace(start, values=values)
 
 
 def _with_starting_values(ledger: FitLedger, known: Names, names: Names) -> FittedModel:
