@@ -82,6 +82,9 @@ from pneumo_casadi.effects.sensors.pressure_sensors import (
 from pneumo_casadi.effects.table import EffectRow as EffectRow
 from pneumo_casadi.effects.table import effect_row as effect_row
 from pneumo_casadi.effects.valve.flow_map_shape import FlowMapShape as FlowMapShape
+from pneumo_casadi.effects.valve.flow_map_shape_fittings import (
+    FlowMapShapeFittings as FlowMapShapeFittings,
+)
 from pneumo_casadi.effects.valve.valve_dead_zone import ValveDeadZone as ValveDeadZone
 from pneumo_casadi.effects.valve.valve_dead_zone import (
     ValveDeadZonePerEdge as ValveDeadZonePerEdge,

@@ -23,6 +23,7 @@ from pneumo_casadi.virtual_bench.forces import (
     STRIBECK,
 )
 from pneumo_casadi.virtual_bench.valves import (
+    FLOW_MAP_SHAPE,
     HOSE,
     VALVE_DEAD_ZONE,
     VALVE_DYNAMICS,
@@ -109,6 +110,14 @@ FORMS = (
         "hardening",
         "as elastic_load, d sinh((x_2 − x)/d) in place of x_2 − x, d = 1 mm: rubber",
         hardening=1000.0,
+    ),
+    EffectForm(
+        "flow_map_shape_fittings",
+        "critical ratio b greater than on the metering bench, by 0.6 of it at exhaust edges",
+        (Size("b", "1", (0.04, 0.1, 0.2), description="at supply edges"),),
+        note="shows while chambers fill at little pressure across the edge",
+        cause=FLOW_MAP_SHAPE.name,
+        kernel="flow_map_shape_fittings",
     ),
     EffectForm(
         "hose_volume",

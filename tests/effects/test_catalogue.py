@@ -31,6 +31,7 @@ ORDER = (
     "elastic_load_progressive",
     "exhaust_restriction",
     "flow_map_shape",
+    "flow_map_shape_fittings",
     "heat_transfer",
     "heat_transfer_forced",
     "hose",

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import InputHold
+from pneumo_casadi.diagnosis import prepare_study
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.effects import (
     FlowMapShape,
+    FlowMapShapeFittings,
     ValveDeadZone,
     ValveDeadZonePerEdge,
     ValveDynamics,
@@ -206,6 +209,32 @@ def test_the_shape_of_a_valve_metered_on_one_side_is_the_generic_bend():
     assert FlowMapShape.on_metered(-3.0, 3.0)().name == "flow_map_shape"
     with pytest.raises(ModelError, match="both sides"):
         LocalFlowMapShape((0.0, 3.0))
+
+
+def omega(r: float, b: float) -> float:
+    """Subsonic flow of ISO 6358 in parts of the choked one."""
+    return np.sqrt(1 - (max(r - b, 0.0) / (1 - b)) ** 2)
+
+
+@pytest.mark.parametrize("beta", [-0.1, 0.15])
+def test_fittings_leave_choked_and_emptying_flow_as_it_was_metered(made, beta):
+    plain = made_with(made, FlowMapShapeFittings(), beta=0.0)
+    axis = made_with(made, FlowMapShapeFittings(), beta=beta)
+
+    def flows(of, p, u):
+        return of.valve_flow([p, p, 0.0, 0.0], [u, u], of.parameters.values).full().ravel()
+
+    for r in (0.1, 0.19, 0.25, 0.4, 0.6, 0.95):
+        p = r * made.BENCH.p_supply
+        expected = omega(r, 0.3 + beta) / omega(r, 0.3)
+        np.testing.assert_allclose(flows(axis, p, 1.0), expected * flows(plain, p, 1.0), rtol=1e-9)
+        np.testing.assert_allclose(flows(axis, p, -1.0), flows(plain, p, -1.0), rtol=1e-12)
+
+
+def test_fittings_are_found_on_an_axis_whose_valve_was_metered_without_them(made_case):
+    study = prepare_study(made_case(12, flow_map_shape_fittings="medium"))[0]
+    fitted = fit_model(study, (FlowMapShapeFittings(),))
+    assert fitted.values["flow_map_shape_fittings.beta"] == pytest.approx(0.1, abs=0.03)
 
 
 def test_the_generic_bend_opens_by_its_square(made):

@@ -66,8 +66,10 @@ def gas_flows(
     drift = 1.0
     if par.flow_drift_share != 0.0:
         drift += par.flow_drift_share * (1.0 - 1.0 / (1.0 + max(t, 0.0) / par.flow_drift_tau))
-    in_P, out_P = valve_flows(par, s_P, at_P, up_P, p_s, p_e, 1.0)
-    in_N, out_N = valve_flows(par, s_N, at_N, up_N, p_s, p_e, 1.0 + par.valve_mismatch_gain)
+    b_more = par.flow_map_shape_fittings_b
+    in_P, out_P = valve_flows(par, s_P, at_P, up_P, p_s, p_e, 1.0, b_more)
+    gain = 1.0 + par.valve_mismatch_gain
+    in_N, out_N = valve_flows(par, s_N, at_N, up_N, p_s, p_e, gain, b_more)
     in_P, out_P, in_N, out_N = drift * in_P, drift * out_P, drift * in_N, drift * out_N
     port_rates(y, dy, par, in_P + in_N, out_P + out_N)
     q_P, q_N = in_P - out_P, in_N - out_N
