@@ -21,6 +21,9 @@ from pneumo_casadi.effects.air.hose_volume import (
 from pneumo_casadi.effects.air.leakage import LeakageN as LeakageN
 from pneumo_casadi.effects.air.leakage import LeakageP as LeakageP
 from pneumo_casadi.effects.air.leakage import PistonSealLeakage as PistonSealLeakage
+from pneumo_casadi.effects.air.leakage import (
+    PistonSealLeakageScored as PistonSealLeakageScored,
+)
 from pneumo_casadi.effects.air.supply_droop import SupplyDroop as SupplyDroop
 from pneumo_casadi.effects.air.supply_droop_proportional import (
     SupplyDroopProportional as SupplyDroopProportional,
@@ -51,6 +54,7 @@ from pneumo_casadi.effects.friction.quadratic_drag import (
     QuadraticDragPerDirection as QuadraticDragPerDirection,
 )
 from pneumo_casadi.effects.friction.stribeck import Stribeck as Stribeck
+from pneumo_casadi.effects.friction.stribeck_film import StribeckFilm as StribeckFilm
 from pneumo_casadi.effects.friction.stribeck_rational import StribeckRational as StribeckRational
 from pneumo_casadi.effects.load.constant_force import ConstantForce as ConstantForce
 from pneumo_casadi.effects.load.elastic_load import ElasticLoad as ElasticLoad

@@ -63,6 +63,13 @@ FORMS = (
         sizes=_with_exponent(2.0),
     ),
     _form(STRIBECK, "rational", "ΔF/(1 + (v/v_s)²) sign v (Hess and Soom)", rational=1.0),
+    replace(
+        _form(STRIBECK, "film", "ΔF exp(−h) sign v, τ ḣ = (|v|/v_s)^(2/3) − h: the film lags"),
+        sizes=(
+            *STRIBECK.sizes,
+            Size("tau", "s", (0.03, 0.08, 0.2), description="time of the film"),
+        ),
+    ),
     _form(PRESLIDING, "dahl", "dF/dx = (F_c/s_0)(1 − (F/F_c) sign v) (Dahl 1976)", dahl=1.0),
     _form(
         PRESSURE_FRICTION, "rod", "F (p_N − p_ext)/(p_supply − p_ext) sign v: rod seal", seal=1.0
@@ -181,6 +188,18 @@ FORMS = (
     _form(LEAKAGE_P, "orifice", "orifice of ISO 6358 from chamber P to ambient", orifice=1.0),
     _form(LEAKAGE_N, "orifice", "orifice of ISO 6358 from chamber N to ambient", orifice=1.0),
     _form(PISTON_SEAL_LEAKAGE, "orifice", "orifice of ISO 6358 between the chambers", orifice=1.0),
+    replace(
+        _form(
+            PISTON_SEAL_LEAKAGE,
+            "scored",
+            "that of piston_seal_leakage within a of x_0, over a seal of 4 mm: a scored tube",
+        ),
+        sizes=(
+            *PISTON_SEAL_LEAKAGE.sizes,
+            Size("centre", "m", (0.05, 0.05, 0.05), "l", signed=True, description="x_0"),
+            Size("half", "m", (0.1, 0.1, 0.1), "l", description="half of its length, a"),
+        ),
+    ),
     _form(HEAT_TRANSFER, "warm_wall", "walls of 40 J/K that the air warms up", wall=40.0),
     _form(
         HEAT_TRANSFER,

@@ -272,23 +272,27 @@ def test_a_form_earns_the_parameters_that_it_has_beyond_the_one_it_contains(over
     [(200, 9.0, True), (200, 1.0, False), (60, 9.0, False)],
     ids=["leaves a gap", "leaves none", "closes little"],
 )
-def test_a_form_with_stairs_is_fitted_where_the_usual_one_closes_much_and_leaves_a_gap(
+def test_a_form_not_tried_is_fitted_where_the_usual_one_closes_much_and_leaves_a_gap(
     ledger, monkeypatch, usual, left, fitted
 ):
     asked = {}
     monkeypatch.setattr(FitLedger, "fit_all", lambda self, starts: asked.update(starts))
-    ledger.catalogue = {n: EFFECTS[n] for n in ("stribeck", "valve_hysteresis", "valve_stiction")}
+    forms = ("quadratic_drag", "quadratic_drag_per_direction", "valve_hysteresis", "valve_stiction")
+    ledger.catalogue = {name: EFFECTS[name] for name in ("stribeck", *forms)}
     nominal = SimpleNamespace(cost=1000.0, values={})
     ledger.fits.clear()
-    for name, gain, rms in (("stribeck", 300, 9.0), ("valve_hysteresis", usual, left)):
+    gains = {"stribeck": 300, "valve_hysteresis": usual, "quadratic_drag": usual}
+    for name, gain in gains.items():
+        rms = 9.0 if name == "stribeck" else left
         ledger.fits[name,] = SimpleNamespace(
             cost=nominal.cost - gain,
             held_out=(np.full((1, ROWS), rms),),
             used_held_out=(np.ones((1, ROWS)),),
         )
     levels = BalanceLevels(np.ones(1), np.full(1, 100.0))
-    fit_waiting_forms(ledger, nominal, levels)
-    assert set(asked) == ({("valve_stiction",)} if fitted else set())
+    fit_waiting_forms(ledger, nominal, {}, levels)
+    further = {("valve_stiction",), ("quadratic_drag_per_direction",)}
+    assert set(asked) == (further if fitted else set())
 
 
 @pytest.mark.parametrize(("promised", "early"), [(60.0, True), (40.0, False)])

@@ -14,6 +14,7 @@ from pneumo_casadi.effects import (
     QuadraticDrag,
     QuadraticDragPerDirection,
     Stribeck,
+    StribeckFilm,
 )
 
 
@@ -37,6 +38,23 @@ def test_stribeck_friction_falls_to_1_over_e_at_its_velocity(made):
         expected = sign * 9.0 * np.exp(-1) * np.tanh(v / made.TRUE["v_s"])
         assert added(axis, made, v=sign * v) == pytest.approx(expected, rel=1e-9)
     assert added(axis, made, v=10 * v) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_film_lags_the_speed_and_falls_to_1_over_e_at_its_velocity(made):
+    name = "stribeck_film"
+    values = {"delta_F": 9.0, "v_stribeck": 0.03, "tau": 0.2}
+    axis = made.true_axis(StribeckFilm()).with_parameters(
+        {f"{name}.{key}": value for key, value in values.items()}
+    )
+    for sign in (1, -1):  # a record begins with the film of its speed
+        assert added(axis, made, v=sign * 0.03) == pytest.approx(sign * 9.0 / np.e, rel=1e-6)
+    theta, u = axis.parameters.values, np.zeros(len(axis.inputs))
+    after_rest = np.array([4e5, 5e5, 0.0, -0.3, 0.0])
+    rates = axis.rhs(after_rest, u, theta).full().ravel()
+    assert rates[4] == pytest.approx(0.3 / 0.2, rel=1e-6)
+    steady = axis.rhs([*after_rest[:4], 0.3], u, theta).full().ravel()
+    M = axis.parameters["M"].value
+    assert M * (rates[3] - steady[3]) == pytest.approx(9.0 * (1 - np.exp(-10)), rel=1e-6)
 
 
 def test_pressure_friction_follows_the_gauge_pressure_of_both_chambers(made):

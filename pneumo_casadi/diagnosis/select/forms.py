@@ -88,19 +88,30 @@ def begin_waiting_forms(
             ledger.begin_fit((name,), Start(nominal.values))
 
 
-def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels) -> None:
-    """Fit the forms that waited, alone, where the usual form of their cause leaves a gap.
+def fit_waiting_forms(
+    ledger: FitLedger,
+    nominal: FittedModel,
+    screened: Mapping[str, ScreenResult],
+    levels: BalanceLevels,
+) -> None:
+    """Fit the forms not tried so far, alone, where the usual form of their cause leaves a gap.
 
-    It must close about as much as the best effect alone.
+    It must close about as much as the best effect alone: before a further cause is looked for, the
+    leading ones are tried in all their forms.
     """
     gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
     least = NEAR_BEST * max(gains.values(), default=0.0)
-    starts: dict[Names, Start] = {
-        (name,): Start(nominal.values)
-        for name, usual in _waiting(ledger).items()
-        if gains.get(usual, -np.inf) > least
-        and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
-    }
+    starts: dict[Names, Start] = {}
+    for name in ledger.catalogue:
+        usual = cause_of(name, ledger.catalogue)
+        if (
+            name not in gains
+            and (name,) not in ledger.failures
+            and gains.get(usual, -np.inf) > least
+            and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
+        ):
+            seen = None if _has_stairs(ledger, name) else screened.get(name)
+            starts[(name,)] = start_alone(nominal, seen)
     ledger.fit_all(starts)
 
 

@@ -129,7 +129,7 @@ def _search(
     report("refitting single effects", 0.3)
     begin_waiting_forms(ledger, nominal, screened)
     fit_alone(ledger, nominal, screened)
-    fit_waiting_forms(ledger, nominal, levels)
+    fit_waiting_forms(ledger, nominal, screened, levels)
     tried = {name for names in (*ledger.fits, *ledger.failures) for name in names}
     forms = keep_best_forms(ledger, nominal)
     ledger.begin_report((), nominal)

@@ -1,5 +1,12 @@
-"""Leaks: past the piston seal from chamber to chamber, and from either chamber to the outside."""
+"""Leaks past the piston seal, on all or a part of the stroke, and from either chamber outside."""
 
+from dataclasses import replace
+from types import MappingProxyType
+from typing import ClassVar
+
+import casadi as ca
+
+from pneumo_casadi.effects.common.stroke import PLACE
 from pneumo_casadi.model.absorption import Absorption, Deviation
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression, Pair
@@ -68,13 +75,54 @@ class PistonSealLeakage(Effect):
     shows = "mass flow balances of both chambers, opposite, with the sign of p_P − p_N"
     confused_with = ("leakage_P", "leakage_N", "valve_null_shift", "flow coefficients", "f_v")
     separated_by = "valves closed, different pressures: one chamber rises while the other falls"
-    one_form = True
-    parameters = (_conductance("past the piston"), VISCOUS)
+    one_form: ClassVar[bool] = True
+    parameters: ClassVar[tuple[Parameter, ...]] = (_conductance("past the piston"), VISCOUS)
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
         """Move the leak from one chamber to the other."""
-        leak = _leak(at, at.p.P, at.p.N)
+        leak = _leak(at, at.p.P, at.p.N) * self._share(at)
         return Pair(q_m.P - leak, q_m.N + leak)
+
+    def _share(self, at: Scope) -> Expression:
+        """Return the share of the conductance that is felt where the piston is."""
+        return 1.0
+
+
+class PistonSealLeakageScored(PistonSealLeakage):
+    """Leak past the piston seal while it passes a scored part of the tube.
+
+    The conductance of `PistonSealLeakage`, times exp(−((x − x_s)/w)⁴): almost all of it within
+    three quarters of w, almost nothing beyond five quarters.
+    """
+
+    name = "piston_seal_leakage_scored"
+    cause = "piston_seal_leakage"
+    equation = "q_P −= q, q_N += q, q = C exp(−((x − x_s)/w)⁴) ρ₀ √(T₀/T) max(p_P, p_N) ω(p_P, p_N)"
+    shows = "mass flow balances of both chambers, opposite, on a part of the stroke"
+    separated_by = "valves closed at several positions: the leak is found at some of them"
+    one_form = False
+    scanned = MappingProxyType(
+        {"x_s": tuple(0.02 * i for i in range(-5, 6)), "w": (0.02, 0.04, 0.08)}
+    )
+    parameters = (
+        *PistonSealLeakage.parameters,
+        replace(PLACE, name="x_s", description="middle of the scored part, from mid-stroke"),
+        Parameter(
+            "w",
+            0.04,
+            "m",
+            lower=0.005,
+            upper=1.0,
+            scale=0.02,
+            null=0.04,
+            start=0.04,
+            description="distance from the middle at which the leak has fallen to 1/e",
+            source="scores of some centimetres, engineering judgement",
+        ),
+    )
+
+    def _share(self, at: Scope) -> Expression:
+        return ca.exp(-(((at.x - at["x_s"]) / at["w"]) ** 4))
 
 
 class LeakageP(Effect):

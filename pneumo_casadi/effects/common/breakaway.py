@@ -36,7 +36,7 @@ def breakaway_parameters(fall: str) -> tuple[Parameter, ...]:
             0.0,
             "N",
             lower=0.0,
-            upper=200.0,
+            upper=2000.0,
             scale=10.0,
             null=0.0,
             start=8.0,

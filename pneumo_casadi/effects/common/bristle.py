@@ -48,7 +48,7 @@ class Bristle:
             0.0,
             "m",
             lower=0.0,
-            upper=3e-3,
+            upper=1e-2,
             scale=1e-4,
             null=0.0,
             start=2e-4,

@@ -41,8 +41,8 @@ class PositionFrictionCurve(Effect):
             f"c_{'minus' if i < 0 else 'plus'}_{abs(i)}",
             0.0,
             "N",
-            lower=-300.0,
-            upper=300.0,
+            lower=-3000.0,
+            upper=3000.0,
             scale=10.0,
             null=0.0,
             # Linear: a fit needs no start off the null, and a knot that is never passed gets none.

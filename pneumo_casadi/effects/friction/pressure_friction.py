@@ -25,7 +25,7 @@ class PressureFriction(Effect):
             0.0,
             "N/Pa",
             lower=0.0,
-            upper=2e-4,
+            upper=2e-3,
             scale=1e-5,
             null=0.0,
             start=1e-5,

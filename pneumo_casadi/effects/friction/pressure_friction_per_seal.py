@@ -16,7 +16,7 @@ def _coefficient(name: str, what: str) -> Parameter:
         0.0,
         "N/Pa",
         lower=0.0,
-        upper=4e-4,
+        upper=4e-3,
         scale=1e-5,
         null=0.0,
         start=1e-5,

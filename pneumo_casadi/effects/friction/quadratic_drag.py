@@ -14,7 +14,7 @@ COEFFICIENT = Parameter(
     0.0,
     "N s2/m2",
     lower=0.0,
-    upper=1000.0,
+    upper=1e5,
     scale=50.0,
     null=0.0,
     start=40.0,

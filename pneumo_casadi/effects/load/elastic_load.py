@@ -34,7 +34,7 @@ class ElasticLoad(Effect):
     passive = True
     masses = ("m_2",)
     # A resonance is felt in its own narrow band: a fit that begins beside it finds nothing.
-    scanned = MappingProxyType({"f": tuple(4.0 * 1.1**i for i in range(24))})
+    scanned = MappingProxyType({"f": tuple(1.0 * 1.15**i for i in range(27))})
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "m_2",
@@ -52,7 +52,7 @@ class ElasticLoad(Effect):
             "f",
             12.0,
             "Hz",
-            lower=2.0,
+            lower=0.5,
             upper=100.0,
             scale=5.0,
             null=12.0,

@@ -20,7 +20,7 @@ STIFFNESS = Parameter(
     0.0,
     "N/m",
     lower=0.0,
-    upper=2e4,
+    upper=1e5,
     scale=100.0,
     null=0.0,
     start=150.0,

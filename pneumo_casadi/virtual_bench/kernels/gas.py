@@ -1,6 +1,6 @@
 """Gas: the flow through one restriction and the balances of a chamber."""
 
-from math import pi, sqrt
+from math import pi, sqrt, tanh
 from typing import Any
 
 from pneumo_casadi.parameters import FloatArray
@@ -23,6 +23,8 @@ LAMINAR = 0.999
 GAMMA = 1.4
 #: Critical pressure ratio and subsonic index of a leak that is a hole.
 B_LEAK, M_LEAK = 0.35, 0.5
+#: Length over which a seal comes onto a score of the tube [m].
+SEAL = 4e-3
 #: Time in which walls give their heat to their surroundings [s].
 TAU_WALL = 30.0
 
@@ -120,17 +122,22 @@ def chamber_rates(
 
 
 @kernel
-def seal_leakage(p_P: float, p_N: float, par: Any) -> Any:
+def seal_leakage(x: float, p_P: float, p_N: float, par: Any) -> Any:
     """Return the flow past the piston seal, P to N [kg/s]: viscous and inertial (Forchheimer).
 
-    a q + b q|q| = p_P² − p_N², both terms equal where supply stands against ambient.
+    a q + b q|q| = p_P² − p_N², both terms equal where supply stands against ambient. A scored tube
+    leaks where the piston passes the score.
     """
+    scored, half = 1.0, par.piston_seal_leakage_half
+    if half > 0.0:
+        away = x - par.piston_seal_leakage_centre
+        scored = (tanh((away + half) / SEAL) - tanh((away - half) / SEAL)) / 2.0
     full = par.p_supply**2 - par.p_ext**2
     if par.piston_seal_leakage_orifice > 0.0:
         C = par.piston_seal_leakage_q / (par.p_supply * RHO_0)
-        return restriction(C, B_LEAK, M_LEAK, p_P, par.T, p_N, par.T)
+        return scored * restriction(C, B_LEAK, M_LEAK, p_P, par.T, p_N, par.T)
     z = (p_P * p_P - p_N * p_N) / full
-    q = par.piston_seal_leakage_q * (sqrt(1.0 + 8.0 * abs(z)) - 1.0) / 2.0
+    q = scored * par.piston_seal_leakage_q * (sqrt(1.0 + 8.0 * abs(z)) - 1.0) / 2.0
     return q if z > 0.0 else -q
 
 

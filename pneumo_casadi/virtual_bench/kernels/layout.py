@@ -25,8 +25,10 @@ CELLS = 3
 IN_MASS, IN_ENERGY, LOST_WORK, LOST_IMPACT = 33, 34, 35, 36
 #: What the walls of the chambers are warmer than their surroundings [K].
 WALL_P, WALL_N = 37, 38
+#: Film of lubricant under the seals, 1 where it takes friction down to 1/e.
+FILM = 39
 #: Number of all these.
-SIZE = 39
+SIZE = 40
 
 #: What the piston does: moves down or up, is held at rest, or moves on bristles.
 DOWN, HELD, UP, FREE = -1, 0, 1, 2

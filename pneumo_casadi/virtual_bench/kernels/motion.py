@@ -5,7 +5,7 @@ from typing import Any
 
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.virtual_bench.kernels.jit import kernel
-from pneumo_casadi.virtual_bench.kernels.layout import BRISTLES, FREE, V_2, X_2, V, X
+from pneumo_casadi.virtual_bench.kernels.layout import BRISTLES, FILM, FREE, V_2, X_2, V, X
 
 #: [m/s²].
 STANDARD_GRAVITY = 9.80665
@@ -67,11 +67,21 @@ def load_rates(y: FloatArray, dy: FloatArray, par: Any) -> None:
 
 
 @kernel
+def film_rates(y: FloatArray, dy: FloatArray, par: Any) -> None:
+    """Fill the rate of the film: behind the one of steady motion, which grows as |v|^(2/3)."""
+    if par.stribeck_tau > 0.0:
+        steady = (abs(y[V]) / par.stribeck_v_s) ** (2.0 / 3.0)
+        dy[FILM] = (steady - y[FILM]) / par.stribeck_tau
+
+
+@kernel
 def friction_levels(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> Any:
     """Return the Coulomb friction against motion up and down [N], neither negative."""
     more = 0.0
     if par.stribeck_delta_F > 0.0:
-        if par.stribeck_rational > 0.0:
+        if par.stribeck_tau > 0.0:
+            more += par.stribeck_delta_F * exp(-y[FILM])
+        elif par.stribeck_rational > 0.0:
             more += par.stribeck_delta_F / (1.0 + (y[V] / par.stribeck_v_s) ** 2)
         else:
             decay = (abs(y[V]) / par.stribeck_v_s) ** par.stribeck_exponent

@@ -30,6 +30,7 @@ from pneumo_casadi.virtual_bench.kernels.layout import (
 )
 from pneumo_casadi.virtual_bench.kernels.motion import (
     applied_force,
+    film_rates,
     friction,
     friction_levels,
     holding_limits,
@@ -98,8 +99,9 @@ def rates(
         F -= friction(mode, up, down, y, bristles, par)
         dy[V] = F / piston_mass(par)
     load_rates(y, dy, par)
+    film_rates(y, dy, par)
     q_P, q_N, H_P, H_N, entering = gas_flows(t, y, dy, par, target, p_P, T_P, p_N, T_N)
-    seal = seal_leakage(p_P, p_N, par)
+    seal = seal_leakage(y[X], p_P, p_N, par)
     away_P = gland_leakage(par.leakage_P_q, par.leakage_P_orifice, p_P, par)
     away_N = gland_leakage(par.leakage_N_q, par.leakage_N_orifice, p_N, par)
     if par.periodic_leak_q > 0.0:
