@@ -51,7 +51,7 @@ class Bench:
         )
         self.refused, self.large, self.asked = set(), set(large), []
         self.refined, self.needed, self.map_only, self.cannot = [], set(), set(), False
-        self.incredible = set()
+        self.incredible, self.unsure = set(), set()
         monkeypatch.setattr(neighbours, "hides", lambda effect, values: effect == "play")
         self.ledger.effects = lambda names: tuple(names)
         monkeypatch.setattr(
@@ -72,6 +72,7 @@ class Bench:
             lambda whole, without: self.gain(whole.effects) - self.gain(without.effects),
         )
         monkeypatch.setattr(stage, "accepted", self.accepted)
+        monkeypatch.setattr(stage, "surely_gains", self.surely_gains)
         monkeypatch.setattr(
             stage,
             "only_corrects_map",
@@ -124,6 +125,10 @@ class Bench:
         (added,) = set(after.effects) - set(before.effects)
         return added in self.large
 
+    def surely_gains(self, before, after, levels):
+        (added,) = set(after.effects) - set(before.effects)
+        return added not in self.unsure
+
     def complete(self, *final):
         self.fit_all({self.ledger.key(final): None})
         return complete(self.ledger, self.nominal, self.ledger.key(final), LEVELS)
@@ -141,6 +146,12 @@ def test_weak_effects_join_the_model_and_only_large_ones_are_named(monkeypatch):
 def test_what_records_held_out_do_not_show_stays_out(monkeypatch):
     bench = Bench(monkeypatch, ALONE, held_out={"leak": 90.0})
     assert bench.complete("hose") == Completed(("hose", "lag"), ("hose",))
+
+
+def test_what_held_out_records_do_not_surely_ask_for_stays_and_is_not_told(monkeypatch):
+    bench = Bench(monkeypatch, ALONE)
+    bench.unsure = {"leak", "hose"}  # what is large enough to be named has been asked more
+    assert bench.complete("hose") == Completed(("hose", "leak", "lag"), ("hose",), ("leak",))
 
 
 def test_one_effect_that_stands_for_others_is_dropped_once_they_are_there(monkeypatch):

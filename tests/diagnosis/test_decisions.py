@@ -24,7 +24,7 @@ from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select import contributions as missed
-from pneumo_casadi.diagnosis.select.acceptance import accepted
+from pneumo_casadi.diagnosis.select.acceptance import accepted, surely_gains
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.contributions import SHORT, contributions
 from pneumo_casadi.diagnosis.select.selection import Selection
@@ -218,6 +218,18 @@ def test_a_gain_in_few_blocks_is_not_sure(better, expected):
     after[2, : better * ROWS // 20] = 1.5
     current = fitted(rows=before)
     assert accepted(current, current, fitted(rows=after), LEVELS) is expected
+    assert surely_gains(current, fitted(rows=after), LEVELS) is expected
+
+
+@pytest.mark.parametrize(
+    ("flow", "force", "expected"), [(1.0, 2.97, True), (1.0, 3.03, False), (1.02, 2.97, False)]
+)
+def test_a_sure_gain_of_any_size_counts_unless_another_balance_loses_more(flow, force, expected):
+    before, after = np.ones((3, ROWS)), np.ones((3, ROWS))
+    before[2], after[2], after[0] = 3.0, force, flow
+    current, better = fitted(rows=before), fitted(rows=after)
+    assert surely_gains(current, better, LEVELS) is expected
+    assert not accepted(current, current, better, LEVELS)
 
 
 # Verdict.

@@ -77,3 +77,14 @@ def accepted(
     level = 1 - criteria.certain
     sure = np.maximum(*(np.quantile(gains, level, axis=0) for gains in (draws, pooled)))
     return bool(np.any((gain > least) & (sure > 0) & enough) and gain.sum() > 0)
+
+
+def surely_gains(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> bool:
+    """Return whether a model is better on held-out data by a gain of any size that is significant.
+
+    Of what is told without a size that matters no more can be asked: in at least one balance the
+    gain must be significant in a bootstrap of half-second blocks, the held-out ones alone.
+    """
+    gain, draws = bootstrap_gain(before, after, levels)
+    sure = np.quantile(draws, 1 - levels.criteria.certain, axis=0)
+    return bool(np.any(sure > 0) and gain.sum() > 0)

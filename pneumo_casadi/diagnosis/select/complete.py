@@ -12,7 +12,11 @@ from dataclasses import dataclass
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
-from pneumo_casadi.diagnosis.select.acceptance import accepted, only_corrects_map
+from pneumo_casadi.diagnosis.select.acceptance import (
+    accepted,
+    only_corrects_map,
+    surely_gains,
+)
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.neighbours import PROMISED, TRIED, Neighbours, gained
 
@@ -38,7 +42,8 @@ class Completed:
     named : tuple of str
         Those large enough to be named.
     idle : tuple of str
-        Those of no size, without which another one would not be credible. They are not told.
+        Those of no size, without which another one would not be credible, and those for which
+        held-out data do not ask. They are not told.
     """
 
     acting: Names
@@ -161,12 +166,20 @@ class _Completion:
         return named or (max(losses, key=lambda name: losses[name]),)
 
     def select_idle(self, acting: Names, named: Names) -> Names:
-        """Return the effects that gain less than any effect of the model must, and stay in it."""
+        """Return the effects that stay in the model, and are not told.
+
+        They gain less than any effect of the model must, or nothing that is sure on held-out data:
+        flexible ones follow in the records fitted what another law leaves there.
+        """
         present, least = self.near.fit_of(acting), self.levels.criteria.plausible_gain
         return tuple(
             name
             for name, fitted in self.near.without_each(acting).items()
-            if name not in named and fitted is not None and gained(fitted, present) < least
+            if name not in named
+            and fitted is not None
+            and not (
+                gained(fitted, present) >= least and surely_gains(fitted, present, self.levels)
+            )
         )
 
     def _matters(self, name: str, names: Names, without: FittedModel | None) -> bool:
