@@ -82,7 +82,11 @@ RULES = (
     Rule("on by simulation", "select.forward_selection.extend_by_simulation", _third),
     Rule("a coarse map is no cause", "select.forward_selection.only_corrects_map", _no),
     Rule("nor beside others", "select.complete.only_corrects_map", _no),
-    Rule("stairs wait", "select.forward_selection.fit_waiting_forms", _nothing),
+    Rule(
+        "leading causes in all forms",
+        "select.forward_selection.fit_forms_of_leading_causes",
+        _nothing,
+    ),
     Rule("weak ones by simulation", "select.forward_selection.complete_by_simulation", _only_final),
     Rule("weak effects besides", "select.forward_selection.complete", _only_final),
     Rule("exchange of effects", "select.complete._Completion._exchange", _nothing),

@@ -188,16 +188,17 @@ def diagnose(
     report("done", 1.0)
     judgement = decision.judgement
     in_model = effects_found(study, unbiased, judgement, chosen) if named else ()
+    unnamed = unnamed_effects(in_model, selection, chosen)
     sure = set(selection.named) - set(judgement.undecided)
-    weak, corrections = unnamed_effects(in_model, selection.weak, chosen)
     alternatives = tuple(dict.fromkeys(causes_of(names, known) for names in decision.alternatives))
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,
         effects=tuple(e for e in in_model if e.form in sure),
         undecided=tuple(e for e in in_model if e.form in judgement.undecided),
-        besides=weak,
-        corrections=corrections,
+        besides=unnamed["besides"],
+        corrections=unnamed["corrections"],
+        unsupported=unnamed["unsupported"],
         absorbed=beside,
         ranking=rank_candidates(study, unbiased, judgement, hidden, chosen),
         where=where,

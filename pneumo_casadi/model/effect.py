@@ -68,8 +68,8 @@ class Effect:
         The experiment that distinguishes it from these.
     generalises : str
         Name of the form of the same cause that this one contains as a special case, such as both
-        valves alike where each has a size of its own here. A diagnosis tries this form only where
-        it promises more than the one it contains.
+        valves alike where each has a size of its own here. A diagnosis tries this form where it
+        promises more than the one it contains, or where its cause leads.
     passive : bool
         Whether it only takes energy from the motion, or gives back what it has stored.
     credible : mapping of str to (float, float)

@@ -66,9 +66,10 @@ FORMS = (
     replace(
         _form(STRIBECK, "film", "ΔF exp(−h) sign v, τ ḣ = (|v|/v_s)^(2/3) − h: the film lags"),
         sizes=(
-            *STRIBECK.sizes,
+            *STRIBECK.sizes[:2],
             Size("tau", "s", (0.03, 0.08, 0.2), description="time of the film"),
         ),
+        time_constant="tau",
     ),
     _form(PRESLIDING, "dahl", "dF/dx = (F_c/s_0)(1 − (F/F_c) sign v) (Dahl 1976)", dahl=1.0),
     _form(
@@ -196,7 +197,7 @@ FORMS = (
         ),
         sizes=(
             *PISTON_SEAL_LEAKAGE.sizes,
-            Size("centre", "m", (0.05, 0.05, 0.05), "l", signed=True, description="x_0"),
+            Size("centre", "m", (0.08, 0.08, 0.08), "l", signed=True, description="x_0"),
             Size("half", "m", (0.1, 0.1, 0.1), "l", description="half of its length, a"),
         ),
     ),

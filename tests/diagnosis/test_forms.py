@@ -22,8 +22,8 @@ from pneumo_casadi.diagnosis.select.forms import (
     begin_waiting_forms,
     cause_of,
     causes_of,
+    fit_forms_of_leading_causes,
     fit_remaining_forms,
-    fit_waiting_forms,
     forms_to_fit,
     keep_best_forms,
     with_other_form,
@@ -275,12 +275,14 @@ def test_a_form_earns_the_parameters_that_it_has_beyond_the_one_it_contains(over
 def test_a_form_not_tried_is_fitted_where_the_usual_one_closes_much_and_leaves_a_gap(
     ledger, monkeypatch, usual, left, fitted
 ):
-    asked = {}
-    monkeypatch.setattr(FitLedger, "fit_all", lambda self, starts: asked.update(starts))
+    batches = []
+    monkeypatch.setattr(FitLedger, "fit_all", lambda self, starts: batches.append(starts))
     forms = ("quadratic_drag", "quadratic_drag_per_direction", "valve_hysteresis", "valve_stiction")
-    ledger.catalogue = {name: EFFECTS[name] for name in ("stribeck", *forms)}
-    nominal = SimpleNamespace(cost=1000.0, values={})
+    names = ("stribeck", "stribeck_film", "stribeck_rational", *forms)
+    ledger.catalogue = {name: EFFECTS[name] for name in names}
+    nominal = SimpleNamespace(cost=1000.0, values={"M": 2.0})
     ledger.fits.clear()
+    ledger.failures = {("stribeck_film",): "not credible"}
     gains = {"stribeck": 300, "valve_hysteresis": usual, "quadratic_drag": usual}
     for name, gain in gains.items():
         rms = 9.0 if name == "stribeck" else left
@@ -290,9 +292,17 @@ def test_a_form_not_tried_is_fitted_where_the_usual_one_closes_much_and_leaves_a
             used_held_out=(np.ones((1, ROWS)),),
         )
     levels = BalanceLevels(np.ones(1), np.full(1, 100.0))
-    fit_waiting_forms(ledger, nominal, {}, levels)
-    further = {("valve_stiction",), ("quadratic_drag_per_direction",)}
-    assert set(asked) == (further if fitted else set())
+    shapes = ({"quadratic_drag_per_direction.c_plus": 40.0},)
+    screened = {
+        name: ScreenResult(name, 0.0, 0.0, np.zeros(3), 1.0, True, shapes, {}) for name in names
+    }
+    fit_forms_of_leading_causes(ledger, nominal, screened, levels)
+    stairs, others = batches  # one cuts short only what is as quick
+    # As `begin_waiting_forms` begins it, and as `fit_alone` begins the others.
+    assert stairs == ({("valve_stiction",): Start(nominal.values)} if fitted else {})
+    drag = {("quadratic_drag_per_direction",): Start(nominal.values, shapes)} if fitted else {}
+    rational = {("stribeck_rational",): Start(nominal.values, shapes)}  # its cause leaves a gap
+    assert others == drag | rational
 
 
 @pytest.mark.parametrize(("promised", "early"), [(60.0, True), (40.0, False)])
@@ -309,7 +319,7 @@ def test_a_form_with_stairs_begins_early_where_the_screen_promises_much_of_its_c
     }
     nominal = SimpleNamespace(values={"M": 2.0})
     begin_waiting_forms(ledger, nominal, screened)
-    # It begins as `fit_waiting_forms` asks for it, and counts only there.
+    # It begins as `fit_forms_of_leading_causes` asks for it, and counts only there.
     assert begun == ({("valve_stiction",): Start(nominal.values)} if early else {})
     assert "valve_stiction" not in forms_to_fit(ledger, screened)
 

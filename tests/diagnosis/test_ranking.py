@@ -103,6 +103,12 @@ def test_the_form_of_the_verdict_is_shown_before_a_more_probable_one(monkeypatch
 
 def test_what_corrects_the_flow_map_is_not_told_as_probably_there():
     effects = [EffectFound(name, 0.9, {}) for name in ("stribeck", "flow_map_shape", "hose")]
-    weak, corrections = unnamed_effects(effects, ("flow_map_shape", "hose"), EFFECTS)
-    assert [effect.name for effect in weak] == ["hose"]
-    assert [effect.name for effect in corrections] == ["flow_map_shape"]
+    effects.append(EffectFound("leakage_P", 0.9, {}))
+    besides = ("flow_map_shape", "hose", "leakage_P")
+    selection = SimpleNamespace(besides=besides, idle=("flow_map_shape", "leakage_P"))
+    kinds = unnamed_effects(effects, selection, EFFECTS)
+    assert {kind: [effect.name for effect in members] for kind, members in kinds.items()} == {
+        "besides": ["hose"],
+        "corrections": ["flow_map_shape"],  # idle or not
+        "unsupported": ["leakage_P"],
+    }

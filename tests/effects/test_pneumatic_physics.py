@@ -76,11 +76,11 @@ def test_a_leak_empties_its_chamber_alone_and_is_choked_far_above_the_outside(
 def test_a_scored_tube_leaks_where_the_piston_passes_the_score(made):
     name, C = "piston_seal_leakage_scored", 3e-10
     axis = made.true_axis(PistonSealLeakageScored()).with_parameters(
-        {f"{name}.C": C, f"{name}.x_s": 0.02, f"{name}.w": 0.05}
+        {f"{name}.C": C, f"{name}.s": 0.05, f"{name}.w": 0.1}
     )
     whole = float(orifice_flow(C, 0.4, 0.5, 6e5, 3e5, T_0))
-    for x, share in ((0.02, 1.0), (0.07, np.exp(-1)), (-0.03, np.exp(-1)), (0.22, 0.0)):
-        at = [6e5, 3e5, x, 0.0]
+    for s, share in ((0.05, 1.0), (0.15, np.exp(-1)), (-0.05, np.exp(-1)), (0.4, 0.0)):
+        at = [6e5, 3e5, s * made.BENCH.stroke, 0.0]
         leak = stored_rate(axis, at) - stored_rate(made.true_axis(), at)
         np.testing.assert_allclose(leak, [-share * whole, share * whole], rtol=1e-6, atol=1e-12)
 

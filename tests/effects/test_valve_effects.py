@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import InputHold
-from pneumo_casadi.diagnosis import prepare_study
-from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.effects import (
     FlowMapShape,
     FlowMapShapeFittings,
@@ -229,12 +227,6 @@ def test_fittings_leave_choked_and_emptying_flow_as_it_was_metered(made, beta):
         expected = omega(r, 0.3 + beta) / omega(r, 0.3)
         np.testing.assert_allclose(flows(axis, p, 1.0), expected * flows(plain, p, 1.0), rtol=1e-9)
         np.testing.assert_allclose(flows(axis, p, -1.0), flows(plain, p, -1.0), rtol=1e-12)
-
-
-def test_fittings_are_found_on_an_axis_whose_valve_was_metered_without_them(made_case):
-    study = prepare_study(made_case(12, flow_map_shape_fittings="medium"))[0]
-    fitted = fit_model(study, (FlowMapShapeFittings(),))
-    assert fitted.values["flow_map_shape_fittings.beta"] == pytest.approx(0.1, abs=0.03)
 
 
 def test_the_generic_bend_opens_by_its_square(made):

@@ -125,6 +125,7 @@ BESIDES = replace(
 CORRECTED = replace(
     BESIDES,
     corrections=(EffectFound("flow_map_shape", 0.9, {"c": Value(0.1, 0.02, "V")}),),
+    unsupported=(EffectFound("elastic_load", 0.9, {"m_2": Value(2.0, 0.5, "kg")}),),
 )
 BESIDE_ABSORBED = replace(
     EFFECT,

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import compress
 
 import numpy as np
 
@@ -75,16 +74,23 @@ def effects_found(
 
 
 def unnamed_effects(
-    effects: Sequence[EffectFound], besides: Names, catalogue: Catalogue
-) -> tuple[tuple[EffectFound, ...], tuple[EffectFound, ...]]:
-    """Return the effects besides that are probably there, and those that correct the flow map.
+    effects: Sequence[EffectFound], selection: Selection, catalogue: Catalogue
+) -> Mapping[str, tuple[EffectFound, ...]]:
+    """Return the effects besides: those probably there, corrections of the map, and the others.
 
-    Of five shapes of the map that stood besides on the virtual bench, none was there.
+    They are under the names that `Diagnosis` has for them. Of five shapes of the map that stood
+    besides on the virtual bench, none was there.
     """
-    unnamed = [effect for effect in effects if effect.form in besides]
-    correct = [catalogue[effect.form]().metered for effect in unnamed]
-    weak = (effect for effect, corrects in zip(unnamed, correct, strict=True) if not corrects)
-    return tuple(weak), tuple(compress(unnamed, correct))
+    kinds: dict[str, list[EffectFound]] = {"besides": [], "corrections": [], "unsupported": []}
+    for effect in effects:
+        if effect.form not in selection.besides:
+            continue
+        if catalogue[effect.form]().metered:
+            kinds["corrections"].append(effect)
+        else:
+            idle = effect.form in selection.idle
+            kinds["unsupported" if idle else "besides"].append(effect)
+    return {kind: tuple(members) for kind, members in kinds.items()}
 
 
 def _probability_of_cause(judgement: Judgement, cause: str, catalogue: Catalogue) -> float:

@@ -58,6 +58,9 @@ class Diagnosis(Presentable):
     corrections : tuple of EffectFound
         Effects of the final model that take up what the form of the flow map misses: they correct
         the map, and are no cause.
+    unsupported : tuple of EffectFound
+        Effects of the final model for which held-out records do not ask, or that have no size: they
+        only keep the others right, and nothing is said of them.
     absorbed : tuple of str
         Effects that the parameters have absorbed beside those named: no simulation shows them, a
         parameter that contradicts the geometry does. Of the verdict absorbed see `ambiguous`.
@@ -133,6 +136,7 @@ class Diagnosis(Presentable):
     undecided: tuple[EffectFound, ...] = ()
     besides: tuple[EffectFound, ...] = ()
     corrections: tuple[EffectFound, ...] = ()
+    unsupported: tuple[EffectFound, ...] = ()
     absorbed: tuple[str, ...] = ()
     with_term: Mapping[str, Value] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -150,8 +154,8 @@ class Diagnosis(Presentable):
 
     @property
     def unnamed_effects(self) -> tuple[EffectFound, ...]:
-        """Effects of the final model that are not named: weak ones, and corrections of the map."""
-        return (*self.besides, *self.corrections)
+        """Effects of the final model that are not named, whatever is said of them."""
+        return (*self.besides, *self.corrections, *self.unsupported)
 
     @property
     def headline(self) -> str:
@@ -196,6 +200,7 @@ class Diagnosis(Presentable):
             "undecided": [effect_dict(effect) for effect in self.undecided],
             "besides": [effect_dict(effect) for effect in self.besides],
             "corrections": [effect_dict(effect) for effect in self.corrections],
+            "unsupported": [effect_dict(effect) for effect in self.unsupported],
             "absorbed": list(self.absorbed),
             "ranking": [candidate_dict(candidate) for candidate in self.ranking],
             "where": where_dict(self.where),

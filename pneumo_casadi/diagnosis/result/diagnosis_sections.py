@@ -143,6 +143,7 @@ class DiagnosisSection(Section):
     refined_checks: tuple[CheckSection, ...] = ()
     besides: tuple[EffectSection, ...] = ()
     corrections: tuple[EffectSection, ...] = ()
+    unsupported: tuple[EffectSection, ...] = ()
     absorbed: tuple[str, ...] = ()
 
     @property
@@ -156,6 +157,7 @@ class DiagnosisSection(Section):
             undecided=tuple(item.read for item in self.undecided),
             besides=tuple(item.read for item in self.besides),
             corrections=tuple(item.read for item in self.corrections),
+            unsupported=tuple(item.read for item in self.unsupported),
             absorbed=self.absorbed,
             ranking=tuple(item.read for item in self.ranking),
             where=self.where.read,

@@ -82,8 +82,9 @@ def accepted(
 def surely_gains(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> bool:
     """Return whether a model is better on held-out data by a gain of any size that is significant.
 
-    Of what is told without a size that matters no more can be asked: in at least one balance the
-    gain must be significant in a bootstrap of half-second blocks, the held-out ones alone.
+    It is asked of effects too small to be named. In at least one balance the gain must be
+    significant in a bootstrap of the held-out half-second blocks, and all balances together must
+    gain.
     """
     gain, draws = bootstrap_gain(before, after, levels)
     sure = np.quantile(draws, 1 - levels.criteria.certain, axis=0)

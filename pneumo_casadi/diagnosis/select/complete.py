@@ -43,7 +43,7 @@ class Completed:
         Those large enough to be named.
     idle : tuple of str
         Those of no size, without which another one would not be credible, and those for which
-        held-out data do not ask. They are not told.
+        held-out data do not ask. Nothing is said of them.
     """
 
     acting: Names
@@ -166,21 +166,22 @@ class _Completion:
         return named or (max(losses, key=lambda name: losses[name]),)
 
     def select_idle(self, acting: Names, named: Names) -> Names:
-        """Return the effects that stay in the model, and are not told.
+        """Return the effects that stay in the model, and of which nothing is said.
 
         They gain less than any effect of the model must, or nothing that is sure on held-out data:
-        flexible ones follow in the records fitted what another law leaves there.
+        a flexible effect may fit what another law has left in the records fitted, and only there.
         """
-        present, least = self.near.fit_of(acting), self.levels.criteria.plausible_gain
         return tuple(
             name
-            for name, fitted in self.near.without_each(acting).items()
-            if name not in named
-            and fitted is not None
-            and not (
-                gained(fitted, present) >= least and surely_gains(fitted, present, self.levels)
-            )
+            for name, without in self.near.without_each(acting).items()
+            if name not in named and without is not None and not self._is_asked_for(acting, without)
         )
+
+    def _is_asked_for(self, names: Names, without: FittedModel) -> bool:
+        """Return whether a model gains enough over one without an effect, and surely anywhere."""
+        present = self.near.fit_of(names)
+        enough = gained(without, present) >= self.levels.criteria.plausible_gain
+        return enough and surely_gains(without, present, self.levels)
 
     def _matters(self, name: str, names: Names, without: FittedModel | None) -> bool:
         """Return whether an effect of a model is large enough to be named."""

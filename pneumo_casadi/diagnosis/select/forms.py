@@ -21,7 +21,7 @@ from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Name
 #: were such a form it promised a third and more; a fit of it takes two or three seconds. Beside
 #: other effects a further form must close three tenths of what is left, far more.
 PROMISE = 0.01
-#: Share of the gain of the best effect alone that an effect must exceed for what takes long.
+#: Share of the gain of the best effect alone from which on a cause leads: all its forms are tried.
 NEAR_BEST = 0.5
 
 
@@ -40,8 +40,8 @@ def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> lis
     """Return the effects to fit alone; of further forms of a cause only what promises something.
 
     The usual forms are all fitted, and those whose start is scanned, unless they contain another
-    one: the screen sees one resonance.
-    Those with stairs take long, and wait for what the others leave; see `fit_waiting_forms`.
+    one: the screen sees one resonance. Those with stairs take long, and wait for what the others
+    leave; see `fit_forms_of_leading_causes`.
     """
     return [name for name in screened if _fitted_at_once(ledger, name, screened)]
 
@@ -79,8 +79,8 @@ def begin_waiting_forms(
 ) -> None:
     """Begin to fit forms that wait where the screen promises much of the usual form of their cause.
 
-    They take as long as all others together: `fit_waiting_forms`, which decides by what the others
-    leave, finds them done.
+    They take as long as all others together: `fit_forms_of_leading_causes`, which decides by what
+    the others leave, finds them done.
     """
     least = NEAR_BEST * max((result.gain for result in screened.values()), default=0.0)
     for name, cause in _waiting(ledger).items():
@@ -88,7 +88,7 @@ def begin_waiting_forms(
             ledger.begin_fit((name,), Start(nominal.values))
 
 
-def fit_waiting_forms(
+def fit_forms_of_leading_causes(
     ledger: FitLedger,
     nominal: FittedModel,
     screened: Mapping[str, ScreenResult],
@@ -101,18 +101,23 @@ def fit_waiting_forms(
     """
     gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
     least = NEAR_BEST * max(gains.values(), default=0.0)
-    starts: dict[Names, Start] = {}
+    stairs: dict[Names, Start] = {}
+    others: dict[Names, Start] = {}
     for name in ledger.catalogue:
         usual = cause_of(name, ledger.catalogue)
         if (
-            name not in gains
-            and (name,) not in ledger.failures
-            and gains.get(usual, -np.inf) > least
-            and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
+            name in gains
+            or (name,) in ledger.failures
+            or gains.get(usual, -np.inf) <= least
+            or not np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
         ):
-            seen = None if _has_stairs(ledger, name) else screened.get(name)
-            starts[(name,)] = start_alone(nominal, seen)
-    ledger.fit_all(starts)
+            continue
+        if _has_stairs(ledger, name):
+            stairs[name,] = Start(nominal.values)
+        else:
+            others[name,] = start_alone(nominal, screened.get(name))
+    ledger.fit_all(stairs)  # those of one cause are rivals, and no others cut them short
+    ledger.fit_all(others)
 
 
 def _waiting(ledger: FitLedger) -> dict[str, str]:

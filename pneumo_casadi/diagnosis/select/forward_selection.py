@@ -28,8 +28,8 @@ from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import (
     begin_waiting_forms,
+    fit_forms_of_leading_causes,
     fit_remaining_forms,
-    fit_waiting_forms,
     keep_best_forms,
     with_other_form,
 )
@@ -129,7 +129,7 @@ def _search(
     report("refitting single effects", 0.3)
     begin_waiting_forms(ledger, nominal, screened)
     fit_alone(ledger, nominal, screened)
-    fit_waiting_forms(ledger, nominal, screened, levels)
+    fit_forms_of_leading_causes(ledger, nominal, screened, levels)
     tried = {name for names in (*ledger.fits, *ledger.failures) for name in names}
     forms = keep_best_forms(ledger, nominal)
     ledger.begin_report((), nominal)

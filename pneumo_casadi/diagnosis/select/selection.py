@@ -91,10 +91,9 @@ class Selection:
         return tuple(name for name in self.chosen if name not in self.named)
 
     @property
-    def weak(self) -> Names:
-        """Those besides that have a size of their own; see `Completed`."""
-        idle = () if self.completed is None else self.completed.idle
-        return tuple(name for name in self.besides if name not in idle)
+    def idle(self) -> Names:
+        """Those besides of which nothing is said; see `Completed`."""
+        return () if self.completed is None else self.completed.idle
 
     @property
     def final(self) -> FittedModel:

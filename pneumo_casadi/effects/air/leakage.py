@@ -1,12 +1,10 @@
 """Leaks past the piston seal, on all or a part of the stroke, and from either chamber outside."""
 
-from dataclasses import replace
 from types import MappingProxyType
 from typing import ClassVar
 
 import casadi as ca
 
-from pneumo_casadi.effects.common.stroke import PLACE
 from pneumo_casadi.model.absorption import Absorption, Deviation
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression, Pair
@@ -91,38 +89,56 @@ class PistonSealLeakage(Effect):
 class PistonSealLeakageScored(PistonSealLeakage):
     """Leak past the piston seal while it passes a scored part of the tube.
 
-    The conductance of `PistonSealLeakage`, times exp(−((x − x_s)/w)⁴): almost all of it within
-    three quarters of w, almost nothing beyond five quarters.
+    The conductance of `PistonSealLeakage`, times exp(−((x/l − s)/w)⁴) with the stroke l: of it 94 %
+    are left at half of w from the middle s of the score, 1/e at w, less than 1 % at one and a half.
     """
 
     name = "piston_seal_leakage_scored"
     cause = "piston_seal_leakage"
-    equation = "q_P −= q, q_N += q, q = C exp(−((x − x_s)/w)⁴) ρ₀ √(T₀/T) max(p_P, p_N) ω(p_P, p_N)"
+    equation = "q_P −= q, q_N += q, q = C exp(−((x/l − s)/w)⁴) ρ₀ √(T₀/T) max(p_P, p_N) ω(p_P, p_N)"
     shows = "mass flow balances of both chambers, opposite, on a part of the stroke"
     separated_by = "valves closed at several positions: the leak is found at some of them"
     one_form = False
+    needs_constants = ("stroke",)
+    # Where the piston passes the score is not felt before there is a leak.
     scanned = MappingProxyType(
-        {"x_s": tuple(0.02 * i for i in range(-5, 6)), "w": (0.02, 0.04, 0.08)}
+        {
+            "C": (3e-11, 1e-10, 3e-10, 1e-9),
+            "s": tuple(0.08 * i for i in range(-5, 6)),
+            "w": (0.05, 0.1, 0.2),
+        }
     )
     parameters = (
         *PistonSealLeakage.parameters,
-        replace(PLACE, name="x_s", description="middle of the scored part, from mid-stroke"),
+        Parameter(
+            "s",
+            0.0,
+            "1",
+            lower=-1.0,
+            upper=1.0,
+            scale=0.05,
+            null=0.0,
+            start=0.0,
+            description="middle of the scored part, in strokes from mid-stroke",
+            source="anywhere in the stroke; beyond it, if the score begins there",
+        ),
         Parameter(
             "w",
-            0.04,
-            "m",
-            lower=0.005,
-            upper=1.0,
-            scale=0.02,
-            null=0.04,
-            start=0.04,
-            description="distance from the middle at which the leak has fallen to 1/e",
+            0.1,
+            "1",
+            lower=0.01,
+            upper=2.0,
+            scale=0.05,
+            null=0.1,
+            start=0.1,
+            description="distance from the middle at which 1/e of the leak is left, in strokes",
             source="scores of some centimetres, engineering judgement",
         ),
     )
 
     def _share(self, at: Scope) -> Expression:
-        return ca.exp(-(((at.x - at["x_s"]) / at["w"]) ** 4))
+        away = at.x / at.axis["stroke"] - at["s"]
+        return ca.exp(-((away / at["w"]) ** 4))
 
 
 class LeakageP(Effect):

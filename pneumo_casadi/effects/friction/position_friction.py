@@ -49,7 +49,7 @@ class PositionFriction(Effect):
             "height",
             0.0,
             "N",
-            lower=-500.0,
+            lower=-50.0,
             upper=2000.0,
             scale=10.0,
             null=0.0,

@@ -1,7 +1,6 @@
 """Stribeck friction whose film of lubricant follows the speed with a delay."""
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -23,10 +22,8 @@ class StribeckFilm(Breakaway, Effect):
     name = "stribeck_film"
     cause = "stribeck"
     equation = "F = ΔF exp(−w/v_st) sign(v), τ ẇ = |v| − w"
-    source = "Yanada and Sekikawa (2008), Mechatronics 18(7), 330-339: dynamics of the film"
+    source = "simplified from Yanada and Sekikawa (2008), Mechatronics 18(7), 330-339"
     shows = "force balance, for some tenths of a second after a rest or a reversal"
-    # The time is not felt without the extra friction.
-    scanned = MappingProxyType({"tau": (0.01, 0.05, 0.2)})
     parameters = (
         *breakaway_parameters("1/e"),
         Parameter(
@@ -39,7 +36,7 @@ class StribeckFilm(Breakaway, Effect):
             null=0.05,
             start=0.05,
             description="time in which the film follows the speed",
-            source="20-200 ms for hydraulic and pneumatic seals, Yanada and Sekikawa (2008)",
+            source="some hundredths to tenths of a second, engineering judgement",
         ),
     )
     states = (State("w", "m/s", 0.1),)

@@ -34,7 +34,7 @@ class ElasticLoad(Effect):
     passive = True
     masses = ("m_2",)
     # A resonance is felt in its own narrow band: a fit that begins beside it finds nothing.
-    scanned = MappingProxyType({"f": tuple(1.0 * 1.15**i for i in range(27))})
+    scanned = MappingProxyType({"f": tuple(1.1**i for i in range(39))})
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "m_2",
@@ -58,7 +58,7 @@ class ElasticLoad(Effect):
             null=12.0,
             start=12.0,
             description="natural frequency of the load with the piston held",
-            source="5-100 Hz, engineering judgement for couplings and payload mounts",
+            source="5-100 Hz for couplings and mounts, 1-3 Hz for hanging loads, judgement",
         ),
         Parameter(
             "zeta",

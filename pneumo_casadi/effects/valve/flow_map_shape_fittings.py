@@ -6,7 +6,7 @@ from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 
-#: Critical ratio of the supply edges on the metering bench.
+#: Critical ratio from which β counts: that of small spool valves with their fittings, about.
 CRITICAL = 0.3
 #: Greatest ratio of pressures of a flow into a chamber.
 BELOW_ONE = 0.999
@@ -20,9 +20,11 @@ class FlowMapShapeFittings(Effect):
 
     q −→ q ω(r, b + β)/ω(r, b), ω² = 1 − (max(r − b, 0)/(1 − b))², r = p/p_supply, b = 0.3,
 
-    where a chamber fills. Flow that is choked stays as it was metered; conductances are those of
-    X_s. Exhaust edges are choked in chambers above three bar: what restricts them at less is
-    `ExhaustRestriction`.
+    where a chamber fills. Flow that is choked with either ratio stays as it was metered. The
+    ratio of the metered valve itself is not known here: if it is 0.2 or 0.4 in place of 0.3, β
+    comes out a quarter too small or hardly changed. The droop of a supply and the pressure drop
+    along a hose are not followed. Exhaust edges are choked above 2.5 to 5 bar; what restricts them
+    at less is `ExhaustRestriction`.
     """
 
     name = "flow_map_shape_fittings"
@@ -30,7 +32,13 @@ class FlowMapShapeFittings(Effect):
     equation = "q_m −→ q_m ω(p/p_supply, b + β)/ω(p/p_supply, b) for q_m > 0"
     source = "subsonic flow of ISO 6358-1:2013"
     shows = "both mass flow balances where chambers fill at little pressure across the edge"
-    confused_with = ("supply_droop", "valve_mismatch", "valve_null_shift", "flow coefficients")
+    confused_with = (
+        "supply_droop",
+        "pressure_sensor_bias",
+        "valve_mismatch",
+        "valve_null_shift",
+        "flow coefficients",
+    )
     separated_by = "meter the valve with the fittings and tubes of the axis"
     parameters = (
         Parameter(
@@ -42,7 +50,7 @@ class FlowMapShapeFittings(Effect):
             scale=0.05,
             null=0.0,
             start=0.05,
-            description="excess of the critical ratio of the supply edges over that metered",
+            description="excess of the critical ratio of supply edges over that metered, if 0.3",
             source="b = 0.2 with fittings to 0.5 without, data sheets of small spool valves",
         ),
     )

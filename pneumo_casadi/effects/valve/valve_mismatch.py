@@ -24,7 +24,7 @@ class ValveMismatch(Effect):
     equation = "u_N −→ (1 + ε) u_N"
     source = SOURCE
     shows = "not in trajectories: X_s4 to X_s6 move together, X_s6 departs from S_N/(r T)"
-    confused_with = ("X_s4", "X_s5", "X_s6")
+    confused_with = ("X_s4", "X_s5", "X_s6", "flow_map_shape")
     separated_by = SEPARATED_BY
     # Twins of one type: half the flow is no mismatch, but a fit that runs to its bound.
     credible = MappingProxyType({"epsilon": (-0.4, 0.6)})

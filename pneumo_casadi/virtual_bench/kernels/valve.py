@@ -8,6 +8,8 @@ from pneumo_casadi.virtual_bench.kernels.gas import restriction
 from pneumo_casadi.virtual_bench.kernels.jit import entry, kernel
 from pneumo_casadi.virtual_bench.kernels.layout import SPOOL_N, SPOOL_P
 
+#: Greatest critical ratio of an edge.
+CRITICAL_MOST = 0.9
 #: Half-widths of the plays of which the hysteresis is made, in half-widths of its loop, and
 #: their weights (Prandtl-Ishlinskii); what is left of the weight follows at once.
 PLAYS = (0.35, 0.8, 1.5)
@@ -55,7 +57,8 @@ def valve_flows(
     C_e = conductance(par.k_exhaust, -s, par.lap_exhaust, par.leak_exhaust, notch, notch_s, par)
     C_s *= gain
     C_e *= 1.0 + 0.8 * (gain - 1.0)
-    b_s, b_e = par.b_supply + b_more, par.b_exhaust + 0.6 * b_more
+    b_s = min(par.b_supply + b_more, CRITICAL_MOST)
+    b_e = min(par.b_exhaust + 0.6 * b_more, CRITICAL_MOST)
     inlet = restriction(C_s, b_s, par.m_supply, p_supply, par.T, p, T)
     outlet = restriction(C_e, b_e, par.m_exhaust, p, T, p_exhaust, par.T)
     return inlet, outlet
