@@ -96,6 +96,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
         "withheld_25",
         "withheld_26",
         "withheld_27",
+        "withheld_28",
         "withheld_newest",
     ),
 }
