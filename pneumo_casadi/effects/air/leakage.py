@@ -120,14 +120,15 @@ class PistonSealLeakageScored(PistonSealLeakage):
             null=0.0,
             start=0.0,
             description="middle of the scored part, in strokes from mid-stroke",
-            source="anywhere in the stroke; beyond it, if the score begins there",
+            source="anywhere in the stroke; beyond it, where the score begins there",
         ),
+        # Wider ones are a leak on all of the stroke: of the usual form.
         Parameter(
             "w",
             0.1,
             "1",
-            lower=0.01,
-            upper=2.0,
+            lower=0.02,
+            upper=0.5,
             scale=0.05,
             null=0.1,
             start=0.1,
