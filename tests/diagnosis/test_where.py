@@ -179,6 +179,10 @@ def test_sensors_are_rivals_only_where_they_explain_about_as_much():
     assert rival_sensor_effects(Signatures(40.0, left), EFFECTS) == ("position_delay", "backlash")
     # A gap that is hardly larger than noise has no signature.
     assert rival_sensor_effects(Signatures(3.0, left), EFFECTS) == ()
+    # A cause is named once, whatever its forms.
+    left |= {"position": 9.0, "pressures": 1.0}
+    rivals = rival_sensor_effects(Signatures(40.0, left), EFFECTS)
+    assert rivals == ("pressure_sensor_lag", "pressure_sensor_bias")
 
 
 @pytest.mark.slow

@@ -228,10 +228,10 @@ def _weighed(left: Mapping[str, float]) -> list[float]:
 def rival_sensor_effects(
     evidence: Signatures, catalogue: Mapping[str, EffectFactory]
 ) -> tuple[str, ...]:
-    """Name the sensor effects whose signature fits the residuals about as well, the best first.
+    """Name the sensor errors whose signature fits the residuals about as well, the best first.
 
-    Among effects of the same sensor those with more states come first: their errors follow the
-    motion more freely.
+    Each cause once, whatever its forms. Among effects of the same sensor those with more states
+    come first: their errors follow the motion more freely.
     """
     best = min(evidence.inputs.values())
     close = {
@@ -242,10 +242,12 @@ def rival_sensor_effects(
     order = sorted(close, key=lambda name: close[name])
     made = sorted((make() for make in catalogue.values()), key=lambda effect: -len(effect.states))
     return tuple(
-        effect.name
-        for hypothesis in order
-        for effect in made
-        if effect.sensors and set(effect.sensors) <= set(HYPOTHESES[hypothesis])
+        dict.fromkeys(
+            effect.cause
+            for hypothesis in order
+            for effect in made
+            if effect.sensors and set(effect.sensors) <= set(HYPOTHESES[hypothesis])
+        )
     )
 
 
