@@ -21,9 +21,7 @@ from pneumo_casadi.effects.air.hose_volume import (
 from pneumo_casadi.effects.air.leakage import LeakageN as LeakageN
 from pneumo_casadi.effects.air.leakage import LeakageP as LeakageP
 from pneumo_casadi.effects.air.leakage import PistonSealLeakage as PistonSealLeakage
-from pneumo_casadi.effects.air.leakage import (
-    PistonSealLeakageScored as PistonSealLeakageScored,
-)
+from pneumo_casadi.effects.air.leakage import PistonSealLeakageScored as PistonSealLeakageScored
 from pneumo_casadi.effects.air.supply_droop import SupplyDroop as SupplyDroop
 from pneumo_casadi.effects.air.supply_droop_proportional import (
     SupplyDroopProportional as SupplyDroopProportional,

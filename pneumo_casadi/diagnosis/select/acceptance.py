@@ -74,8 +74,7 @@ def accepted(
         enough[:-1] &= levels.exceeded(residual_rms(before), criteria.coarse_map)[:-1]
     gain, draws = bootstrap_gain(before, after, levels)
     _, pooled = bootstrap_gain(before, after, levels, pooled=True)
-    level = 1 - criteria.certain
-    sure = np.maximum(*(np.quantile(gains, level, axis=0) for gains in (draws, pooled)))
+    sure = np.maximum(*(_sure_gain(gains, levels) for gains in (draws, pooled)))
     return bool(np.any((gain > least) & (sure > 0) & enough) and gain.sum() > 0)
 
 
@@ -87,5 +86,9 @@ def surely_gains(before: FittedModel, after: FittedModel, levels: BalanceLevels)
     gain.
     """
     gain, draws = bootstrap_gain(before, after, levels)
-    sure = np.quantile(draws, 1 - levels.criteria.certain, axis=0)
-    return bool(np.any(sure > 0) and gain.sum() > 0)
+    return bool(np.any(_sure_gain(draws, levels) > 0) and gain.sum() > 0)
+
+
+def _sure_gain(draws: FloatArray, levels: BalanceLevels) -> FloatArray:
+    """Return the gain that a bootstrap is certain of in each balance, (ne,)."""
+    return np.asarray(np.quantile(draws, 1 - levels.criteria.certain, axis=0))

@@ -12,11 +12,7 @@ from dataclasses import dataclass
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
-from pneumo_casadi.diagnosis.select.acceptance import (
-    accepted,
-    only_corrects_map,
-    surely_gains,
-)
+from pneumo_casadi.diagnosis.select.acceptance import accepted, only_corrects_map, surely_gains
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.neighbours import PROMISED, TRIED, Neighbours, gained
 
@@ -180,8 +176,11 @@ class _Completion:
     def _is_asked_for(self, names: Names, without: FittedModel) -> bool:
         """Return whether a model gains enough over one without an effect, and surely anywhere."""
         present = self.near.fit_of(names)
-        enough = gained(without, present) >= self.levels.criteria.plausible_gain
-        return enough and surely_gains(without, present, self.levels)
+        return self._gains_enough(without, present) and surely_gains(without, present, self.levels)
+
+    def _gains_enough(self, before: FittedModel, after: FittedModel) -> bool:
+        """Return whether a model gains what any effect of it must."""
+        return gained(before, after) >= self.levels.criteria.plausible_gain
 
     def _matters(self, name: str, names: Names, without: FittedModel | None) -> bool:
         """Return whether an effect of a model is large enough to be named."""
@@ -190,9 +189,9 @@ class _Completion:
         added, rest = self.ledger.effects((name,)), self.near.rest(names, name)
         if only_corrects_map(added, without, self.levels, beside=bool(rest)):
             return False
-        present, least = self.near.fit_of(names), self.levels.criteria.plausible_gain
+        present = self.near.fit_of(names)
         needed = name in self.selected and rest in self.ledger.failures
-        if needed and gained(without, present) >= least:
+        if needed and self._gains_enough(without, present):
             return True
         return accepted(self.nominal, without, present, self.levels)
 
@@ -200,7 +199,6 @@ class _Completion:
         """Return a model without its weakest needless effect, or with a better one; else None."""
         if len(names) == 1:
             return None
-        criteria = self.levels.criteria
         starts: dict[str, Mapping[Names, Start]] = {}
         fits = {name: fit for name, fit in self.near.without_each(names).items() if fit is not None}
         present, whole = self.near.fit_of(names), self.near.background_of(names)
@@ -210,7 +208,7 @@ class _Completion:
             if self.near.rest(names, name) in self.ledger.fits
         ]
         for k, (name, fitted) in enumerate(weakest):
-            needless = gained(fitted, present) < criteria.plausible_gain
+            needless = not self._gains_enough(fitted, present)
             if needless and not accepted(self.nominal, fitted, present, self.levels):
                 return self.near.rest(names, name)
             # The fits of the next one begin as well, so that no process waits in between.

@@ -101,23 +101,24 @@ def fit_forms_of_leading_causes(
     """
     gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
     least = NEAR_BEST * max(gains.values(), default=0.0)
-    stairs: dict[Names, Start] = {}
-    others: dict[Names, Start] = {}
-    for name in ledger.catalogue:
-        usual = cause_of(name, ledger.catalogue)
-        if (
-            name in gains
-            or (name,) in ledger.failures
-            or gains.get(usual, -np.inf) <= least
-            or not np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
-        ):
-            continue
-        if _has_stairs(ledger, name):
-            stairs[name,] = Start(nominal.values)
-        else:
-            others[name,] = start_alone(nominal, screened.get(name))
+    leading = {
+        name
+        for name, gain in gains.items()
+        if gain > least and np.any(gaps(residual_rms(ledger.fits[name,]), levels))
+    }
+    untried = [
+        name
+        for name in ledger.catalogue
+        if cause_of(name, ledger.catalogue) in leading
+        and name not in gains
+        and (name,) not in ledger.failures
+    ]
+    stairs: dict[Names, Start] = {
+        (name,): Start(nominal.values) for name in untried if _has_stairs(ledger, name)
+    }
+    others = [name for name in untried if (name,) not in stairs]
     ledger.fit_all(stairs)  # those of one cause are rivals, and no others cut them short
-    ledger.fit_all(others)
+    ledger.fit_all({(name,): start_alone(nominal, screened.get(name)) for name in others})
 
 
 def _waiting(ledger: FitLedger) -> dict[str, str]:

@@ -5,11 +5,11 @@ import casadi as ca
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
+from pneumo_casadi.valve.orifice import LAMINAR_RATIO, orifice_expression
 
-#: Critical ratio from which β counts: that of small spool valves with their fittings, about.
-CRITICAL = 0.3
-#: Greatest ratio of pressures of a flow into a chamber.
-BELOW_ONE = 0.999
+#: Critical ratio from which β counts, and subsonic index: those of small spool valves with their
+#: fittings, about.
+CRITICAL, INDEX = 0.3, 0.5
 
 
 class FlowMapShapeFittings(Effect):
@@ -61,11 +61,8 @@ class FlowMapShapeFittings(Effect):
 
 
 def _other_ratio(q: Expression, p: Expression, at: Scope) -> Expression:
-    r = ca.fmin(p / at.axis["p_supply"], BELOW_ONE)
-    change = ca.sqrt(_squared(r, CRITICAL + at["beta"]) / _squared(r, CRITICAL)) - 1
-    return q + change * ca.fmax(q, 0.0)
-
-
-def _squared(r: Expression, b: Expression) -> Expression:
-    """Return ω(r, b)²/(1 − r), which is regular at r = 1: there all ω are zero."""
-    return ca.if_else(r > b, (1 + r - 2 * b) / (1 - b) ** 2, 1 / (1 - r))
+    r = ca.fmin(p / at.axis["p_supply"], LAMINAR_RATIO)  # beyond it, ω tends to zero
+    metered, fitted = (
+        orifice_expression(1.0, b, INDEX, 1.0, r) for b in (CRITICAL, CRITICAL + at["beta"])
+    )
+    return q + (fitted / metered - 1) * ca.fmax(q, 0.0)
