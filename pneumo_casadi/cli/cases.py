@@ -179,8 +179,8 @@ def _load(angle: float, force: float) -> dict[str, Any]:
 
 
 def _controller(gain: float | None, u_max: float | None) -> dict[str, Any]:
-    if gain is None and u_max is None:
-        return {"type": "none"}
-    if gain is None or u_max is None:
-        raise CaseError("--gain and --u-max describe one controller: give both, or neither")
+    if gain is None:
+        return {"type": "none"} | ({} if u_max is None else {"u_max_V": u_max})
+    if u_max is None:
+        raise CaseError("--gain: a controller has a largest command; give --u-max as well")
     return {"type": "proportional", "gain_V_per_m": gain, "u_max_V": u_max}

@@ -171,7 +171,7 @@ def default_limits(
         n = max(1, round(0.02 / record.dt))
         speed = np.abs(record["x"][n:] - record["x"][:-n]) / (n * record.dt)
         fastest = max(fastest, float(speed.max()))
-    u_max = min(getattr(bench.controller, "u_max", u_metered), u_metered)
+    u_max = min(getattr(bench.controller, "u_max", None) or u_metered, u_metered)
     return Limits(0.4 * bench.stroke, 1.5 * fastest, bench.p_ext, bench.p_supply, u_max, common)
 
 

@@ -82,7 +82,7 @@ def iso6358_from_data_sheet(
 
 
 def _largest_command(bench: Bench) -> float:
-    return float(getattr(bench.controller, "u_max", 10.0))
+    return float(getattr(bench.controller, "u_max", None) or 10.0)
 
 
 def _known(

@@ -10,7 +10,8 @@ import pytest
 import scipy.io
 
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.data import read_case
+from pneumo_casadi.data import NoController, read_case
+from pneumo_casadi.errors import CaseError
 
 CYLINDER = ("--piston", "33.38", "--rod", "18.61", "--stroke", "500", "--supply", "6")
 
@@ -121,6 +122,14 @@ def test_gauge_can_be_said_at_once(example, tmp_path):
     assert case.findings == () and case.bench.controller.gain == 2.4
 
 
+def test_the_largest_command_can_be_stated_without_a_law(example, tmp_path):
+    assert started(example, tmp_path / "axis", "--gauge", "--u-max", "5") == 0
+    assert read_case(tmp_path / "axis").bench.controller == NoController(5.0)
+    assert started(example, tmp_path / "other", "--gauge", "--u-max", "0.05") == 0
+    with pytest.raises(CaseError, match=r"beyond the controller's u_max \(0\.05 V\)"):
+        read_case(tmp_path / "other")
+
+
 def test_without_a_terminal_missing_sizes_are_named_with_their_option(short, tmp_path, capsys):
     run = cli.run(["init", str(short / "identify.csv"), "-o", str(tmp_path / "a"), "--rod", "10"])
     error = capsys.readouterr().err
@@ -187,7 +196,7 @@ def test_a_channel_that_is_not_recognised_is_named_with_the_columns(log, tmp_pat
         (("--column", "p_P=nothing"), "no column `nothing`; the file has ms"),
         (("--column", "p_P=pA:mm"), "known units are Pa"),
         (("--column", "pressure=pA"), "no channel `pressure`"),
-        (("--gain", "2"), "give both, or neither"),
+        (("--gain", "2"), "give --u-max as well"),
         (("--rod", "40"), "the rod's the smaller one"),
     ],
 )

@@ -156,6 +156,7 @@ def test_the_stroke_has_its_zero_in_the_middle(bench):
             },
             "load": {"angle_deg": 90, "force_N": -20},
         },
+        {"controller": {"type": "none", "u_max_V": 5}},
         {
             "controller": {"type": "none"},
             "sensor_noise": {"p_Pa": 150, "x_m": 1e-5, "v_m_per_s": 1},

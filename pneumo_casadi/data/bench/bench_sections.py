@@ -61,7 +61,7 @@ CONTROLLERS: dict[str, tuple[type[Any], dict[str, str], dict[str, str]]] = {
         },
         {},
     ),
-    "none": (NoController, {}, {}),
+    "none": (NoController, {}, {"u_max_V": "u_max"}),
 }
 #: What stands for a controller that a file does not name.
 NONE = {"type": "none"}

@@ -203,15 +203,31 @@ class NoController:
 
     The axis is fitted and simulated in open loop only, and records need no ``x_ref``.
 
+    Parameters
+    ----------
+    u_max : float, optional
+        Largest command [V]; recorded ones must lie within it.
+
+    Raises
+    ------
+    CaseError
+        If `u_max` is not positive.
+
     Examples
     --------
-    >>> NoController().inputs
+    >>> NoController(u_max=5.0).inputs
     ()
     """
 
+    u_max: float | None = None
     inputs: ClassVar[tuple[str, ...]] = ()
     closes_loop: ClassVar[bool] = False
     sample_time: ClassVar[None] = None
+
+    def __post_init__(self) -> None:
+        if self.u_max is not None:
+            check_gains(self, {"u_max": "V"})
+            _check_limit(self.u_max)
 
 
 #: Any control law that closes the loop of a simulation.

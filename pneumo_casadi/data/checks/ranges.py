@@ -5,7 +5,11 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.data.bench.bench import Bench
-from pneumo_casadi.data.bench.controllers import NestedController, ProportionalController
+from pneumo_casadi.data.bench.controllers import (
+    NestedController,
+    NoController,
+    ProportionalController,
+)
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
 from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidController
 from pneumo_casadi.data.bench.quantities import (
@@ -53,6 +57,9 @@ def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) 
         controller = bench.controller
         if isinstance(controller, ProportionalController | PidController | CascadeController):
             limit = max(map(abs, controller.limits)) + abs(controller.u_0)
+            _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3}, entries)
+        elif isinstance(controller, NoController) and controller.u_max is not None:
+            limit = controller.u_max
             _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3}, entries)
     else:
         _check_travel(recording, bench)
@@ -124,11 +131,11 @@ def _check_symmetric(
     others: dict[str, float],
     entries: ColumnEntries,
 ) -> None:
-    limit *= 1.001  # rounding in the file
+    end = 1.001 * limit  # rounding in the file
     units = {other: (scale, 0.0) for other, scale in others.items()}
     for channel in channels:
-        far = float(np.abs(recording[channel]).max()) > OTHER_UNIT * limit
-        quantity = Quantity(unit, -limit, limit, units if far else {})
+        far = float(np.abs(recording[channel]).max()) > OTHER_UNIT * end
+        quantity = Quantity(unit, -end, end, units if far else {})
         what = f"beyond the controller's u_max ({limit:g} {unit})"
         _check(recording, channel, quantity, what, entries)
 
