@@ -3,13 +3,15 @@
 White noise is told by the differences of raw samples. A sensor behind an analogue filter has noise
 that is larger at the frequencies of the motion than between its samples: taken for white, it would
 be underestimated many times, and a model that is right would seem to leave what no noise explains.
+Here it is known by its levels above these frequencies; where the axis rests, see `noise_at_rest`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its submodules are loaded at first use
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals.bandwidth import white_noise_std
@@ -35,21 +37,24 @@ CORNERS = np.geomspace(15.0, 300.0, 100)
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Noise of first order, e_k = correlation e_{k-1} + w_k with white w.
+    """Noise of first order, e_k = correlation e_{k-1} + w_k with white w, and white noise besides.
 
     Parameters
     ----------
     innovation : float
         Standard deviation of w, in the unit of the signal.
     correlation : float
-        Of neighbouring samples, in [0, 1).
+        Of neighbouring e, in [0, 1).
     sampling_frequency : float
         [Hz]
+    white : float, optional
+        Standard deviation of the white noise besides.
     """
 
     innovation: float
     correlation: float
     sampling_frequency: float
+    white: float = 0.0
 
     @property
     def in_band(self) -> float:
@@ -59,9 +64,9 @@ class SensorNoise:
     def at(self, frequency: float) -> float:
         """Return the standard deviation of white noise that is as large at a frequency [Hz]."""
         if self.correlation == 0:
-            return self.innovation
+            return float(np.hypot(self.innovation, self.white))
         turn = np.exp(2j * np.pi * frequency / self.sampling_frequency)
-        return self.innovation / float(np.abs(turn - self.correlation))
+        return float(np.hypot(self.innovation / np.abs(turn - self.correlation), self.white))
 
     def draw(self, N: int, rng: np.random.Generator) -> FloatArray:
         """Return N samples of such noise."""
@@ -70,35 +75,8 @@ class SensorNoise:
             return white
         white[:1] /= np.sqrt(1 - self.correlation**2)  # as large from the first sample on
         coloured = scipy.signal.lfilter([1.0], [1.0, -self.correlation], white)
-        return np.asarray(coloured)
-
-
-def sensor_noise_std(values: ArrayLike, sampling_frequency: float) -> float:
-    """Estimate sensor noise by the white noise that is as large in the band of the motion.
-
-    Parameters
-    ----------
-    values : (N,) array
-        Raw samples.
-    sampling_frequency : float
-        [Hz]
-
-    Returns
-    -------
-    float
-        `SensorNoise.in_band` of `estimate_sensor_noise`, in the unit of the signal.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> white = rng.normal(0.0, 1.0, 20_000)
-    >>> round(sensor_noise_std(white, 1e3), 1)
-    1.0
-    >>> coloured = scipy.signal.lfilter([1.0], [1.0, -0.8], white)  # S(0) = 25
-    >>> 3.5 < sensor_noise_std(coloured, 1e3) < 5.5
-    True
-    """
-    return estimate_sensor_noise(values, sampling_frequency).in_band
+        besides = rng.normal(0.0, self.white, N) if self.white else 0.0
+        return np.asarray(coloured + besides)
 
 
 def estimate_sensor_noise(values: ArrayLike, sampling_frequency: float) -> SensorNoise:
@@ -129,6 +107,8 @@ def estimate_sensor_noise(values: ArrayLike, sampling_frequency: float) -> Senso
     >>> noise = estimate_sensor_noise(SensorNoise(1.0, 0.8, 1e3).draw(20_000, rng), 1e3)
     >>> abs(noise.correlation - 0.8) < 0.1
     True
+    >>> 3.5 < noise.in_band < 5.5  # S(0) = 25
+    True
     """
     samples = np.asarray(values, dtype=float)
     white = white_noise_std(samples)
@@ -138,25 +118,38 @@ def estimate_sensor_noise(values: ArrayLike, sampling_frequency: float) -> Senso
     n = round(WINDOW * sampling_frequency)
     if ALIASED * sampling_frequency < NEAR[1] or samples.size < n * (LEAST_WINDOWS + 1) / 2:
         return as_white
-    f, power = _quiet_spectrum(samples, sampling_frequency)
+    f, windows = spectra(samples, sampling_frequency, scipy.signal.detrend)
+    power = quiet(windows)
     if np.median(power[(f >= NEAR[0]) & (f <= NEAR[1])]) < COLOURED * white**2:
         return as_white
-    level = scipy.ndimage.percentile_filter(power, 40, size=LINES)
-    fitted = (f >= FITTED[0]) & (f <= FITTED[1]) & (power < LINE * level)
+    fitted = (f >= FITTED[0]) & (f <= FITTED[1]) & ~stands_out(power)
     return _first_order(f[fitted], power[fitted], sampling_frequency)
 
 
-def _quiet_spectrum(samples: FloatArray, fs: float) -> tuple[FloatArray, FloatArray]:
-    """Return frequencies and the power of quiet windows there; 1 is that of white unit noise.
+def spectra(
+    samples: FloatArray, fs: float, detrend: Callable[[FloatArray], FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Return frequencies (k,), and the power of every window there (k, windows).
 
-    Frequencies that the filter against aliasing weakens are left out.
+    A window begins halfway through the last. Frequencies that the filter against aliasing weakens
+    are left out. White noise of unit variance has a mean power of 1.
     """
     n = round(WINDOW * fs)
     f, _, power = scipy.signal.spectrogram(
-        samples, fs, window="hann", nperseg=n, noverlap=n // 2, detrend=scipy.signal.detrend
+        samples, fs, window="hann", nperseg=n, noverlap=n // 2, detrend=detrend
     )
     seen = f <= ALIASED * fs
-    return f[seen], np.quantile(power[seen], QUIET, axis=1) / QUIET_OVER_MEAN * fs / 2
+    return f[seen], power[seen] * fs / 2
+
+
+def quiet(power: FloatArray) -> FloatArray:
+    """Return the mean power (k,) of noise whose quiet windows are those of others (k, windows)."""
+    return np.asarray(np.quantile(power, QUIET, axis=1) / QUIET_OVER_MEAN)
+
+
+def stands_out(power: FloatArray) -> NDArray[np.bool_]:
+    """Return which frequencies stand out from those around, as the mains do."""
+    return np.asarray(power >= LINE * scipy.ndimage.percentile_filter(power, 40, size=LINES))
 
 
 def _first_order(f: FloatArray, power: FloatArray, fs: float) -> SensorNoise:

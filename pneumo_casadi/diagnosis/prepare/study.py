@@ -57,7 +57,8 @@ class Study:
     @cached_property
     def smoothed(self) -> tuple[tuple[SmoothedMotion, ...], tuple[SmoothedMotion, ...]]:
         """Records to fit and records held out, smoothed."""
-        return smooth_motions(self.axis, self.train), smooth_motions(self.axis, self.held_out)
+        motions = smooth_motions(self.axis, (*self.train, *self.held_out))
+        return motions[: len(self.train)], motions[len(self.train) :]
 
     @property
     def all_smoothed(self) -> tuple[SmoothedMotion, ...]:

@@ -28,7 +28,8 @@ from pneumo_casadi.estimation.robust_covariance import default_lags, wider_sandw
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.threads import one_thread
-from pneumo_casadi.signals.sensor_noise import SensorNoise, estimate_sensor_noise
+from pneumo_casadi.signals.noise_at_rest import sensor_noises
+from pneumo_casadi.signals.sensor_noise import SensorNoise
 
 #: Noise of the sensors by record.
 Noises = Sequence[Mapping[str, SensorNoise]]
@@ -129,14 +130,9 @@ def estimate_noise_influence(
     inside &= np.linalg.norm(linear.A, axis=0) != 0  # of the others the records say nothing
     at_first = _step(linear, inside)
     sensors = (*axis.outputs, *(axis.inputs if axis.kind.measured_inputs else ()), "v", "a")
-    noises = [
-        {
-            name: estimate_sensor_noise(record[name], 1 / record.dt)
-            for name in dict.fromkeys(sensors)
-            if name in record
-        }
-        for record in records
-    ]
+    present = [name for name in dict.fromkeys(sensors) if all(name in r for r in records)]
+    every = zip(*(sensor_noises(records, name) for name in present), strict=True)
+    noises = [dict(zip(present, noise, strict=True)) for noise in every]
     rng = np.random.default_rng(0)
     noisier = (_noisier(records, noises, rng) for _ in range(REPLICATES))
     run = map if executor is None else executor.map

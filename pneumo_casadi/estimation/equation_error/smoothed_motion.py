@@ -20,8 +20,9 @@ from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording
 from pneumo_casadi.signals.bandwidth import white_noise_std
 from pneumo_casadi.signals.filtered_recording import velocity_noise
+from pneumo_casadi.signals.noise_at_rest import sensor_noises
 from pneumo_casadi.signals.resampling import on_uniform_clock
-from pneumo_casadi.signals.sensor_noise import estimate_sensor_noise, sensor_noise_std
+from pneumo_casadi.signals.sensor_noise import SensorNoise
 from pneumo_casadi.signals.zero_phase import smooth_difference, zero_phase_lowpass
 
 #: Cut-off of the zero-phase filter on the measurements [Hz].
@@ -143,7 +144,10 @@ def smoothing_filter(dt: float) -> FilterPlan:
 
 
 def smooth_motion(
-    axis: Axis, record: Recording, velocity_noise: float | None = None
+    axis: Axis,
+    record: Recording,
+    velocity_noise: float | None = None,
+    noise: Sequence[SensorNoise] | None = None,
 ) -> SmoothedMotion:
     """Smooth a record for an axis.
 
@@ -157,6 +161,8 @@ def smooth_motion(
         Standard deviation of the noise of the smoothed velocity, by which rows count as slow [m/s];
         by default that of white noise. With `coloured_velocity_noise` fewer rows are left by which
         friction at low speed is recognised, but none in which its sign is wrong.
+    noise : sequence of SensorNoise, optional
+        Of every output; by default as this record shows it.
 
     Returns
     -------
@@ -185,8 +191,9 @@ def smooth_motion(
     thin = max(1, int(fs / RATE))
     dt = thin * record.dt
     t, x, dx, u = (_thinned(part, thin) for part in (t, x, dx, u))
-    noise = filtered.velocity_noise if velocity_noise is None else velocity_noise
-    slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * noise)
+    of_v = filtered.velocity_noise if velocity_noise is None else velocity_noise
+    slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * of_v)
+    noise = noise or [noises[0] for noises in _noises(axis, [record])]
     weak = row_windows(x.shape[1], _stride(dt))
     return SmoothedMotion(
         t[0],
@@ -198,7 +205,7 @@ def smooth_motion(
         weak,
         (weak @ slow.astype(float)) == 0,
         dt,
-        np.array([sensor_noise_std(record[name], fs) for name in axis.outputs]) / thin**0.5,
+        np.array([each.in_band for each in noise]) / thin**0.5,
         filtered.velocity_noise,
         record.name,
     )
@@ -248,7 +255,7 @@ def coloured_velocity_noise(record: Recording) -> float:
     """
     plan, uniform = smoothing_filter(record.dt), on_uniform_clock(record, record.dt)
     white = velocity_noise(uniform, plan, smooth_difference)
-    noise = estimate_sensor_noise(record["x"], 1 / record.dt)
+    (noise,) = sensor_noises([record], "x")
     if "v" in record or not noise.correlation:
         return white
     return white * noise.at(FASTEST) / white_noise_std(record["x"])
@@ -262,11 +269,18 @@ def smooth_motions(axis: Axis, records: Sequence[Recording]) -> tuple[SmoothedMo
     axis : Axis
         Tells which states and inputs are needed.
     records : sequence of Recording
-        Raw measurements.
+        Raw measurements; what one of them shows of the noise of a sensor holds for all.
 
     Returns
     -------
     tuple of SmoothedMotion
         In the order of the records.
     """
-    return tuple(smooth_motion(axis, record) for record in records)
+    noises = zip(*_noises(axis, records), strict=True)
+    pairs = zip(records, noises, strict=True)
+    return tuple(smooth_motion(axis, record, noise=noise) for record, noise in pairs)
+
+
+def _noises(axis: Axis, records: Sequence[Recording]) -> list[tuple[SensorNoise, ...]]:
+    """Return for every output the noise of its sensor in each record."""
+    return [sensor_noises(records, name) for name in axis.outputs]
