@@ -18,9 +18,10 @@ CRITERIA = re.findall(r"`([a-z_]+)` = ([\d.]+)", TEXT)
 
 @cache
 def constants() -> set[tuple[str, float]]:
-    """Return names and values of the numbers that modules of the diagnosis define."""
+    """Return names and values of the numbers that modules of diagnosis and signals define."""
     defined = set()
-    for path in (Path(pneumo_casadi.__file__).parent / "diagnosis").rglob("*.py"):
+    package = Path(pneumo_casadi.__file__).parent
+    for path in (*package.glob("diagnosis/**/*.py"), *package.glob("signals/*.py")):
         for node in ast.parse(path.read_text("utf-8")).body:
             if not isinstance(node, ast.Assign):
                 continue
