@@ -248,6 +248,25 @@ def test_a_gap_without_an_accepted_effect_is_unknown_where_it_is_visible(rms, ex
 
 
 @pytest.mark.parametrize(
+    ("rms", "corrected", "expected"),
+    [
+        ((1.9, 1, 1), (1.4, 1, 1), Verdict.NONE),
+        ((1.9, 1.6, 1), (1.4, 1.4, 1), Verdict.NONE),
+        ((1.9, 1, 1), (1.6, 1, 1), Verdict.UNKNOWN),  # something else is left
+        ((1.9, 1.6, 1), (1.4, 1.6, 1), Verdict.UNKNOWN),
+        ((2.1, 1, 1), (1.0, 1, 1), Verdict.UNKNOWN),  # more than a coarse map leaves
+        ((1.9, 1, 1.6), (1.4, 1, 1.0), Verdict.UNKNOWN),  # the force has no map
+    ],
+)
+def test_the_misfit_of_a_coarse_map_is_no_gap(rms, corrected, expected):
+    selection = selected(fitted(*rms), {("flow_map_shape",): fitted(*corrected)})
+    assert judge(selection, (), corrections={"flow_map_shape"}).verdict is expected
+    assert judge(selection, ()).verdict is Verdict.UNKNOWN
+    with_term = judge(selection, (), surpassed=True, corrections={"flow_map_shape"})
+    assert with_term.verdict is Verdict.UNKNOWN
+
+
+@pytest.mark.parametrize(
     ("nominal", "final", "expected"),
     [
         ((0, 0, 10), (0, 0, 4.5), 0.45),

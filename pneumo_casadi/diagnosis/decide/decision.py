@@ -84,7 +84,8 @@ def decide_verdict(
         Whether something outside the catalogue explains the gap better than the effects named.
     """
     named = tuple(catalogue[name]() for name in selection.named)
-    judgement = judge(selection, named, surpassed)
+    corrections = {name for name, make in catalogue.items() if make().metered}
+    judgement = judge(selection, named, surpassed, corrections)
     if selection.by_simulation and judgement.verdict in NAMING:  # the balances were clean before
         verdict, absorbed = judgement.verdict, absorbed_candidates(checks, catalogue)
     else:

@@ -13,6 +13,7 @@ from pneumo_casadi.diagnosis.decide.what_is_left import (
     left_is_visible,
     left_open,
     open_balances,
+    shows_a_gap,
     unexplained,
 )
 from pneumo_casadi.diagnosis.metrics.residual_size import (
@@ -75,11 +76,17 @@ class Judgement:
     left_open: float = 0.0
 
 
-def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False) -> Judgement:
+def judge(
+    selection: Selection,
+    named: Sequence[Effect],
+    surpassed: bool = False,
+    corrections: Collection[str] = (),
+) -> Judgement:
     """Return the verdict of a selection, given the effects that its final model names.
 
     With `surpassed` something outside the catalogue explains the gap better than these; see
-    `find_rival_term` and `rather_one_cause`.
+    `find_rival_term` and `rather_one_cause`. `corrections` are the effects that may only correct
+    the metered map.
     """
     levels, criteria = selection.levels, selection.levels.criteria
     rms = residual_rms(selection.nominal)
@@ -92,8 +99,8 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
         left_by_one_form(selection, named),
         criteria=criteria,
     ):
-        visible = bool(np.any(levels.exceeded(rms, criteria.visible)))
-        verdict = Verdict.UNKNOWN if visible else Verdict.NONE
+        shown = shows_a_gap(selection, () if surpassed else corrections)
+        verdict = Verdict.UNKNOWN if shown else Verdict.NONE
         weights = _weights(selection, selection.chosen, UNKNOWN_CAUSE_PROBABILITY)
         return Judgement(verdict, (), weights, left, excess, gap, criteria)
     trust = _trust(left, selection)

@@ -1,6 +1,6 @@
 """What a final model leaves of the gap, as verdicts ask for it."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -14,6 +14,24 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.junctions import MECHANICAL, Junction
+
+
+def shows_a_gap(selection: Selection, corrections: Collection[str]) -> bool:
+    """Return whether the nominal model leaves a visible gap that is not the misfit of its map.
+
+    A mass flow whose residual is within what a coarse map leaves shows none if one of the
+    `corrections` of the metered map alone takes it below what is visible: no effect is named by
+    such a gap either, see `only_corrects_map`.
+    """
+    levels, criteria = selection.levels, selection.levels.criteria
+    rms = residual_rms(selection.nominal)
+    visible = levels.exceeded(rms, criteria.visible)
+    coarse = visible & ~levels.exceeded(rms, criteria.coarsest_map)
+    for name in corrections:
+        if (name,) in selection.fits:
+            left = levels.exceeded(residual_rms(selection.fits[name,]), criteria.visible)
+            visible[:-1] &= ~(coarse & ~left)[:-1]  # the force has no map
+    return bool(np.any(visible))
 
 
 def decided_by_simulation(selection: Selection) -> bool:
