@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import ArrayLike
 
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.parameters import FloatArray
@@ -16,8 +17,10 @@ from pneumo_casadi.signals.bandwidth import white_noise_std
 from pneumo_casadi.signals.sensor_noise import (
     ALIASED,
     COLOURED,
+    FITTED,
     NEAR,
     QUIET,
+    WANTED,
     WINDOW,
     SensorNoise,
     estimate_sensor_noise,
@@ -26,17 +29,19 @@ from pneumo_casadi.signals.sensor_noise import (
     stands_out,
 )
 
-#: The axis rests in a window whose positions scatter by less than this multiple of white noise.
+#: The axis rests in a window whose positions scatter by no more than this multiple of their noise.
 AT_REST = 2.2
+#: Relative difference of two clocks that are one.
+ONE_CLOCK = 1e-2
 #: Windows at rest from which on they tell the noise, and the lowest frequency that the pressures'
 #: slow changes leave free there [Hz].
 LEAST_AT_REST, ABOVE_CHANGES = 12, 12.0
-#: Log-likelihood that coloured noise must gain over white noise there. Of 800 channels with white
-#: noise it gained 3 to 11 in the thirty that seemed coloured by a factor of two, and more on one
-#: axis, whose pressures changed at rest; where noise was coloured it gained 20 and more.
-EVIDENCE = 12.0
-#: Corner frequencies compared [Hz], and variances of the innovations beside white noise of one.
-CORNERS, INNOVATIONS = np.geomspace(5.0, 300.0, 60), np.geomspace(1e-4, 1e3, 60)
+#: Log-likelihood that coloured noise must gain over white noise there, as if all windows and
+#: frequencies told of it independently. Of 800 channels with white noise it gained up to 9 where
+#: they seemed coloured by a factor of two, and more on two axes, whose pressures changed at rest.
+EVIDENCE = 10.0
+#: Corner frequencies compared [Hz], and power in the band of the motion over that of white noise.
+CORNERS, EXCESSES = np.geomspace(5.0, 300.0, 60), np.geomspace(0.1, 1e4, 60)
 
 
 def sensor_noises(records: Sequence[Recording], channel: str) -> tuple[SensorNoise, ...]:
@@ -70,12 +75,17 @@ def sensor_noises(records: Sequence[Recording], channel: str) -> tuple[SensorNoi
     True
     """
     rates = np.array([1 / record.dt for record in records])
-    noises = []
-    for record, rate in zip(records, rates, strict=True):
-        alike = [r for r, other in zip(records, rates, strict=True) if np.isclose(rate, other)]
-        at_rest = _shown_at_rest(alike, channel, rate)
-        noises.append(at_rest or estimate_sensor_noise(record[channel], rate))
-    return tuple(noises)
+    noises: dict[int, SensorNoise] = {}
+    for rate in rates:
+        alike = [
+            k
+            for k in np.flatnonzero(np.isclose(rates, rate, ONE_CLOCK)).tolist()
+            if k not in noises
+        ]
+        at_rest = _shown_at_rest([records[k] for k in alike], channel, rate)
+        for k in alike:
+            noises[k] = at_rest or estimate_sensor_noise(records[k][channel], rates[k])
+    return tuple(noises[k] for k in range(len(records)))
 
 
 def _shown_at_rest(records: Sequence[Recording], channel: str, fs: float) -> SensorNoise | None:
@@ -103,7 +113,8 @@ def _windows_at_rest(
     """
     n = round(WINDOW * fs)
     windows = sliding_window_view(position, n)[:: n - n // 2]
-    still = windows.std(axis=1) < AT_REST * white_noise_std(position)
+    noise = max(white_noise_std(position), estimate_sensor_noise(position, fs).std)
+    still = windows.std(axis=1) <= AT_REST * noise
     f, power = spectra(values, fs, _without_cubic)
     return f, power[:, still]
 
@@ -118,16 +129,17 @@ def _without_cubic(windows: FloatArray) -> FloatArray:
 def _most_likely(f: FloatArray, power: FloatArray, fs: float) -> SensorNoise | None:
     """Return the noise of largest likelihood (Whittle 1953); None unless surely not white.
 
-    The mains, which stand out above the motion, are left out.
+    The mains and other tones are left out, and frequencies at which a filter of higher order tells.
     """
     windows, power = power.shape[1], quiet(power)
-    fitted = (f >= ABOVE_CHANGES) & ((f < NEAR[0]) | ~stands_out(power))
+    fitted = (f >= ABOVE_CHANGES) & (f <= FITTED[1]) & ~stands_out(power)
     f, power = f[fitted], power[fitted]
-    if not np.all(power > 0):  # below the quantum
+    if not power.size or power.min() <= 0:  # below the quantum
         return None
     correlations = np.exp(-2 * np.pi * CORNERS / fs)
-    first_order = 1 / np.abs(np.exp(2j * np.pi * f / fs) - correlations[:, None, None]) ** 2
-    shape = 1 + INNOVATIONS[:, None] * first_order
+    wanted = _distance(WANTED, correlations, fs) ** 2
+    first_order = (wanted / _distance(f[:, None], correlations, fs) ** 2).T[:, None]
+    shape = 1 + EXCESSES[:, None] * first_order
     variance = np.mean(power / shape, axis=-1)
     misfit = np.log(variance) + np.mean(np.log(shape), axis=-1)
     i, j = np.unravel_index(int(np.argmin(misfit)), misfit.shape)
@@ -136,5 +148,10 @@ def _most_likely(f: FloatArray, power: FloatArray, fs: float) -> SensorNoise | N
     if gain < EVIDENCE:
         return None
     white = float(np.sqrt(variance[i, j]))
-    innovation = white * float(np.sqrt(INNOVATIONS[j]))
+    innovation = white * float(np.sqrt(EXCESSES[j] * wanted[i]))
     return SensorNoise(innovation, float(correlations[i]), fs, white)
+
+
+def _distance(f: ArrayLike, correlations: FloatArray, fs: float) -> FloatArray:
+    """Return the distance of frequencies on the unit circle from poles."""
+    return np.asarray(np.abs(np.exp(2j * np.pi * np.asarray(f) / fs) - correlations))

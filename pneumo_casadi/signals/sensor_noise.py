@@ -57,6 +57,11 @@ class SensorNoise:
     white: float = 0.0
 
     @property
+    def std(self) -> float:
+        """Standard deviation of one sample."""
+        return float(np.hypot(self.innovation / np.sqrt(1 - self.correlation**2), self.white))
+
+    @property
     def in_band(self) -> float:
         """Standard deviation of white noise that is as large in the band of the motion."""
         return self.at(WANTED)
@@ -70,13 +75,11 @@ class SensorNoise:
 
     def draw(self, N: int, rng: np.random.Generator) -> FloatArray:
         """Return N samples of such noise."""
-        white = rng.normal(0.0, self.innovation, N)
-        if self.correlation == 0:
-            return white
-        white[:1] /= np.sqrt(1 - self.correlation**2)  # as large from the first sample on
-        coloured = scipy.signal.lfilter([1.0], [1.0, -self.correlation], white)
-        besides = rng.normal(0.0, self.white, N) if self.white else 0.0
-        return np.asarray(coloured + besides)
+        noise = rng.normal(0.0, self.innovation, N)
+        if self.correlation:
+            noise[:1] /= np.sqrt(1 - self.correlation**2)  # as large from the first sample on
+            noise = np.asarray(scipy.signal.lfilter([1.0], [1.0, -self.correlation], noise))
+        return noise + rng.normal(0.0, self.white, N) if self.white else noise
 
 
 def estimate_sensor_noise(values: ArrayLike, sampling_frequency: float) -> SensorNoise:

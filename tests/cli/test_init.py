@@ -126,7 +126,7 @@ def test_the_largest_command_can_be_stated_without_a_law(example, tmp_path):
     assert started(example, tmp_path / "axis", "--gauge", "--u-max", "5") == 0
     assert read_case(tmp_path / "axis").bench.controller == NoController(5.0)
     assert started(example, tmp_path / "other", "--gauge", "--u-max", "0.05") == 0
-    with pytest.raises(CaseError, match=r"beyond the controller's u_max \(0\.05 V\)"):
+    with pytest.raises(CaseError, match=r"beyond `controller.u_max` \(0\.05 V\)"):
         read_case(tmp_path / "other")
 
 

@@ -15,6 +15,7 @@ from pneumo_casadi.diagnosis import Check, Location, Verdict
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_parameters
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
+from pneumo_casadi.diagnosis.decide.decision import decide_verdict
 from pneumo_casadi.diagnosis.decide.judgement import Judgement, judge, missed_gain
 from pneumo_casadi.diagnosis.decide.what_is_left import open_balances, unexplained
 from pneumo_casadi.diagnosis.locate.locate import balance_of_gap, rival_sensor_effects
@@ -264,6 +265,7 @@ def test_the_misfit_of_a_coarse_map_is_no_gap(rms, corrected, expected):
     assert judge(selection, ()).verdict is Verdict.UNKNOWN
     with_term = judge(selection, (), surpassed=True, corrections={"flow_map_shape"})
     assert with_term.verdict is Verdict.UNKNOWN
+    assert decide_verdict(selection, (), EFFECTS).verdict is expected
 
 
 @pytest.mark.parametrize(

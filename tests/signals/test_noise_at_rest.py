@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy
 
 from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.signals.noise_at_rest import sensor_noises
@@ -41,6 +42,35 @@ def test_white_noise_is_what_the_whole_record_says(channel, seed):
     """To the bit: nothing changes where noise is white."""
     run = record(WHITE, 0.5, seed)
     assert sensor_noises([run], channel) == (estimate_sensor_noise(run[channel], 1000.0),)
+
+
+@pytest.mark.parametrize("frequency", [20.0, 30.0, 50.0])
+@pytest.mark.parametrize("amplitude", [50.0, 300.0])
+def test_a_tone_is_no_noise(frequency, amplitude):
+    run = record(WHITE, 0.5)
+    tone = amplitude * np.sin(2 * np.pi * frequency * run.t)
+    (noise,) = sensor_noises([run.with_channels({"p_P": run["p_P"] + tone})], "p_P")
+    assert noise.in_band == pytest.approx(90.0, rel=0.35)
+
+
+@pytest.mark.parametrize(("fs", "corner"), [(10_000.0, 1000.0), (10_000.0, 200.0), (2000.0, 300.0)])
+def test_noise_behind_a_filter_of_second_order_is_as_large_as_before_it(fs, corner):
+    """What a sensor's filter takes away above 300 Hz says nothing of the band of the motion."""
+    run = record(SensorNoise(1e-6, 0.0, fs), 0.5, fs=fs, N=int(16 * fs))
+    white = np.random.default_rng(3).normal(0.0, 100.0, run.N)
+    filtered = scipy.signal.lfilter(*scipy.signal.butter(2, corner, fs=fs), white)
+    (noise,) = sensor_noises([run.with_channels({"p_P": run["p_P"] + filtered})], "p_P")
+    assert noise.in_band == pytest.approx(100.0, rel=0.35)
+
+
+@pytest.mark.parametrize("fs", [500.0, 5000.0, 20_000.0, 50_000.0])
+def test_the_clock_does_not_matter(fs):
+    """Noise of the same spectrum, ten times as large at 15 Hz as that of the converter."""
+    correlation = np.exp(-2 * np.pi * 13.0 / fs)
+    innovation = 3.0 * abs(np.exp(2j * np.pi * 15.0 / fs) - correlation)
+    noise = SensorNoise(innovation, correlation, fs, 1.0)
+    (found,) = sensor_noises([record(noise, 0.5, fs=fs, N=int(16 * fs))], "p_P")
+    assert found.in_band == pytest.approx(100 * noise.in_band, rel=0.35)
 
 
 def test_without_rests_the_levels_above_the_motion_tell():

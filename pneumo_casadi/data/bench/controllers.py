@@ -226,7 +226,9 @@ class NoController:
 
     def __post_init__(self) -> None:
         if self.u_max is not None:
-            check_gains(self, {"u_max": "V"})
+            check_gains(self, {}, {"u_max": "V"})
+            if self.u_max == 0.0:
+                raise CaseError("`controller.u_max`: 0 V moves no valve; give the largest command")
             _check_limit(self.u_max)
 
 

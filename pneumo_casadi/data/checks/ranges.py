@@ -136,7 +136,7 @@ def _check_symmetric(
     for channel in channels:
         far = float(np.abs(recording[channel]).max()) > OTHER_UNIT * end
         quantity = Quantity(unit, -end, end, units if far else {})
-        what = f"beyond the controller's u_max ({limit:g} {unit})"
+        what = f"beyond `controller.u_max` ({limit:g} {unit})"
         _check(recording, channel, quantity, what, entries)
 
 

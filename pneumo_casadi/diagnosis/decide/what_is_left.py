@@ -20,8 +20,8 @@ def shows_a_gap(selection: Selection, corrections: Collection[str]) -> bool:
     """Return whether the nominal model leaves a visible gap that is not the misfit of its map.
 
     A mass flow whose residual is within what a coarse map leaves shows none if one of the
-    `corrections` of the metered map alone takes it below what is visible: no effect is named by
-    such a gap either, see `only_corrects_map`.
+    `corrections` of the metered map alone takes it below what is visible; `only_corrects_map` does
+    not let that be named as a cause.
     """
     levels, criteria = selection.levels, selection.levels.criteria
     rms = residual_rms(selection.nominal)

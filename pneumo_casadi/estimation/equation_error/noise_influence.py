@@ -122,7 +122,8 @@ def estimate_noise_influence(
     """
     if not axis.parameters.free_names:
         raise ModelError("no parameter is free: release some with `Parameters.release`")
-    slow = [coloured_velocity_noise(record) for record in records]
+    of_x = zip(records, sensor_noises(records, "x"), strict=True)
+    slow = [coloured_velocity_noise(record, noise) for record, noise in of_x]
     problem, linear = _linearised(axis, anchor, records, slow)
     theta = axis.parameters.values
     lower, upper = problem.bounds
@@ -130,9 +131,12 @@ def estimate_noise_influence(
     inside &= np.linalg.norm(linear.A, axis=0) != 0  # of the others the records say nothing
     at_first = _step(linear, inside)
     sensors = (*axis.outputs, *(axis.inputs if axis.kind.measured_inputs else ()), "v", "a")
-    present = [name for name in dict.fromkeys(sensors) if all(name in r for r in records)]
-    every = zip(*(sensor_noises(records, name) for name in present), strict=True)
-    noises = [dict(zip(present, noise, strict=True)) for noise in every]
+    noises: list[dict[str, SensorNoise]] = [{} for _ in records]
+    for name in dict.fromkeys(sensors):
+        having = [k for k, record in enumerate(records) if name in record]
+        every = sensor_noises([records[k] for k in having], name)
+        for k, noise in zip(having, every, strict=True):
+            noises[k][name] = noise
     rng = np.random.default_rng(0)
     noisier = (_noisier(records, noises, rng) for _ in range(REPLICATES))
     run = map if executor is None else executor.map

@@ -248,14 +248,14 @@ def row_windows(N: int, every: int) -> Any:
     return csr_array((np.tile(window, first.size), (rows, columns.ravel())), shape=(first.size, N))
 
 
-def coloured_velocity_noise(record: Recording) -> float:
+def coloured_velocity_noise(record: Recording, noise: SensorNoise) -> float:
     """Return the standard deviation of the smoothed velocity's noise, white or not [m/s].
 
-    A measured velocity, whose noise is white as a rule, needs no such care.
+    From that of the position sensor. A measured velocity, whose noise is white as a rule, needs no
+    such care.
     """
     plan, uniform = smoothing_filter(record.dt), on_uniform_clock(record, record.dt)
     white = velocity_noise(uniform, plan, smooth_difference)
-    (noise,) = sensor_noises([record], "x")
     if "v" in record or not noise.correlation:
         return white
     return white * noise.at(FASTEST) / white_noise_std(record["x"])

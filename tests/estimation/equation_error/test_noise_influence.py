@@ -19,6 +19,7 @@ from pneumo_casadi.estimation.equation_error.smoothed_motion import (
     smooth_motion,
 )
 from pneumo_casadi.model.simulation import simulate
+from pneumo_casadi.signals.noise_at_rest import sensor_noises
 from pneumo_casadi.signals.sensor_noise import SensorNoise
 
 DT, PAIRS = 1e-3, 3
@@ -87,7 +88,7 @@ def test_a_parameter_at_its_bound_has_no_influence(clean):
 def test_under_white_noise_the_rows_are_those_of_the_fit(made):
     true = made.true_axis()
     record = made.recorded(true, *made.controlled(true, 1000))
-    noise = coloured_velocity_noise(record)
+    noise = coloured_velocity_noise(record, *sensor_noises([record], "x"))
     assert noise == smooth_motion(true, record).velocity_noise > 0
 
 
