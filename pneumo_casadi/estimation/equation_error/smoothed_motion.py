@@ -256,9 +256,10 @@ def coloured_velocity_noise(record: Recording, noise: SensorNoise) -> float:
     """
     plan, uniform = smoothing_filter(record.dt), on_uniform_clock(record, record.dt)
     white = velocity_noise(uniform, plan, smooth_difference)
-    if "v" in record or not noise.correlation:
+    between_samples = white_noise_std(record["x"])
+    if "v" in record or not noise.correlation or not between_samples:
         return white
-    return white * noise.at(FASTEST) / white_noise_std(record["x"])
+    return white * noise.at(FASTEST) / between_samples
 
 
 def smooth_motions(axis: Axis, records: Sequence[Recording]) -> tuple[SmoothedMotion, ...]:
