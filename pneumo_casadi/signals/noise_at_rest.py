@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike
 
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.parameters import FloatArray
@@ -24,9 +23,11 @@ from pneumo_casadi.signals.sensor_noise import (
     WINDOW,
     SensorNoise,
     estimate_sensor_noise,
+    pole_distance,
     quiet,
     spectra,
     stands_out,
+    whittle,
 )
 
 #: The axis rests in a window whose positions scatter by no more than this multiple of their noise.
@@ -113,6 +114,7 @@ def _windows_at_rest(
     """
     n = round(WINDOW * fs)
     windows = sliding_window_view(position, n)[:: n - n // 2]
+    # Noise of first order fitted to 300 Hz may miss white noise beside it.
     noise = max(white_noise_std(position), estimate_sensor_noise(position, fs).std)
     still = windows.std(axis=1) <= AT_REST * noise
     f, power = spectra(values, fs, _without_cubic)
@@ -127,7 +129,7 @@ def _without_cubic(windows: FloatArray) -> FloatArray:
 
 
 def _most_likely(f: FloatArray, power: FloatArray, fs: float) -> SensorNoise | None:
-    """Return the noise of largest likelihood (Whittle 1953); None unless surely not white.
+    """Return the noise of largest likelihood; None unless surely not white.
 
     The mains and other tones are left out, and frequencies at which a filter of higher order tells.
     """
@@ -137,11 +139,9 @@ def _most_likely(f: FloatArray, power: FloatArray, fs: float) -> SensorNoise | N
     if not power.size or power.min() <= 0:  # below the quantum
         return None
     correlations = np.exp(-2 * np.pi * CORNERS / fs)
-    wanted = _distance(WANTED, correlations, fs) ** 2
-    first_order = (wanted / _distance(f[:, None], correlations, fs) ** 2).T[:, None]
-    shape = 1 + EXCESSES[:, None] * first_order
-    variance = np.mean(power / shape, axis=-1)
-    misfit = np.log(variance) + np.mean(np.log(shape), axis=-1)
+    wanted = pole_distance(WANTED, correlations, fs) ** 2
+    first_order = wanted[:, None] / pole_distance(f, correlations[:, None], fs) ** 2
+    variance, misfit = whittle(power, 1 + EXCESSES[:, None] * first_order[:, None])
     i, j = np.unravel_index(int(np.argmin(misfit)), misfit.shape)
     # A quartile tells of a level what the mean of a quarter of the windows does.
     gain = (np.log(np.mean(power)) - misfit[i, j]) * f.size * QUIET * windows
@@ -150,8 +150,3 @@ def _most_likely(f: FloatArray, power: FloatArray, fs: float) -> SensorNoise | N
     white = float(np.sqrt(variance[i, j]))
     innovation = white * float(np.sqrt(EXCESSES[j] * wanted[i]))
     return SensorNoise(innovation, float(correlations[i]), fs, white)
-
-
-def _distance(f: ArrayLike, correlations: FloatArray, fs: float) -> FloatArray:
-    """Return the distance of frequencies on the unit circle from poles."""
-    return np.asarray(np.abs(np.exp(2j * np.pi * np.asarray(f) / fs) - correlations))

@@ -70,8 +70,8 @@ class SensorNoise:
         """Return the standard deviation of white noise that is as large at a frequency [Hz]."""
         if self.correlation == 0:
             return float(np.hypot(self.innovation, self.white))
-        turn = np.exp(2j * np.pi * frequency / self.sampling_frequency)
-        return float(np.hypot(self.innovation / np.abs(turn - self.correlation), self.white))
+        distance = pole_distance(frequency, self.correlation, self.sampling_frequency)
+        return float(np.hypot(self.innovation / distance, self.white))
 
     def draw(self, N: int, rng: np.random.Generator) -> FloatArray:
         """Return N samples of such noise."""
@@ -158,8 +158,21 @@ def stands_out(power: FloatArray) -> NDArray[np.bool_]:
 def _first_order(f: FloatArray, power: FloatArray, fs: float) -> SensorNoise:
     """Return the noise of first order of largest likelihood for a periodogram."""
     correlations = np.exp(-2 * np.pi * CORNERS / fs)
-    turns = np.exp(2j * np.pi * f / fs)
-    shape = 1 / np.abs(turns - correlations[:, None]) ** 2
-    variance = np.mean(power / shape, axis=1)
-    best = int(np.argmin(np.log(variance) + np.mean(np.log(shape), axis=1)))
+    variance, misfit = whittle(power, 1 / pole_distance(f, correlations[:, None], fs) ** 2)
+    best = int(np.argmin(misfit))
     return SensorNoise(float(np.sqrt(variance[best])), float(correlations[best]), fs)
+
+
+def pole_distance(f: ArrayLike, correlations: ArrayLike, fs: float) -> FloatArray:
+    """Return the distance of frequencies on the unit circle from the poles of noise."""
+    turns = np.exp(2j * np.pi * np.asarray(f) / fs)
+    return np.asarray(np.abs(turns - np.asarray(correlations)))
+
+
+def whittle(power: FloatArray, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the factor of largest likelihood of every spectrum (..., k), and how it misfits.
+
+    The misfit is −log L over k, less one, of a periodogram (k,); see Whittle (1953).
+    """
+    factors = np.mean(power / shapes, axis=-1)
+    return factors, np.log(factors) + np.mean(np.log(shapes), axis=-1)

@@ -6,6 +6,7 @@ import numpy as np
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.controllers import (
+    Controller,
     NestedController,
     NoController,
     ProportionalController,
@@ -54,12 +55,8 @@ def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) 
         for channel in ("p_P", "p_N", "p_supply"):
             if channel in recording:
                 _check_pressure(recording, channel, bench, entries)
-        controller = bench.controller
-        if isinstance(controller, ProportionalController | PidController | CascadeController):
-            limit = max(map(abs, controller.limits)) + abs(controller.u_0)
-            _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3}, entries)
-        elif isinstance(controller, NoController) and controller.u_max is not None:
-            limit = controller.u_max
+        limit = _largest_command(bench.controller)
+        if limit is not None:
             _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3}, entries)
     else:
         _check_travel(recording, bench)
@@ -69,6 +66,13 @@ def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) 
         if isinstance(bench.controller, NestedController):
             limit = abs(bench.controller.gain) * bench.controller.u_max
             _check_symmetric(recording, ("F",), limit, "N", {"kN": 1e3}, entries)
+
+
+def _largest_command(controller: Controller) -> float | None:
+    """Return how far a controller can drive a valve [V]; None where that is not known."""
+    if isinstance(controller, ProportionalController | PidController | CascadeController):
+        return max(map(abs, controller.limits)) + abs(controller.u_0)
+    return controller.u_max if isinstance(controller, NoController) else None
 
 
 def _check_position(recording: Recording, bench: Bench, entries: ColumnEntries) -> None:
