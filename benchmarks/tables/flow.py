@@ -7,7 +7,12 @@ from typing import Any
 from tables.common import rows
 
 #: Forms of the flow map, as tables call them.
-NAMES = {"polynomials": "eq. 12", "iso6358": "ISO 6358", "spline": "spline"}
+NAMES = {
+    "polynomials": "eq. 12",
+    "iso6358": "ISO 6358",
+    "iso6358_curve": "ISO 6358 with curved openings",
+    "spline": "spline",
+}
 
 
 def flow_answer(result: Mapping[str, Any]) -> str:

@@ -58,6 +58,7 @@ class FlowOption(Enum):
     AUTO = "auto"
     POLYNOMIALS = "polynomials"
     ISO6358 = "iso6358"
+    ISO6358_CURVE = "iso6358_curve"
     SPLINE = "spline"
 
     @property
@@ -73,7 +74,7 @@ Flow = Annotated[
     typer.Option(
         "--flow",
         help="Form of the flow map; auto: of the forms within one standard error of the smallest "
-        "cross-validation error the first of polynomials, iso6358, spline.",
+        "cross-validation error the first of polynomials, iso6358, iso6358_curve, spline.",
     ),
 ]
 Degrees = Annotated[

@@ -21,6 +21,7 @@ from pneumo_casadi.valve import (
     FormSelection,
     choose_flow_form,
     fit_iso6358,
+    fit_iso6358_curve,
     fit_polynomials,
     fit_spline,
     iso6358_from_data_sheet,
@@ -92,6 +93,7 @@ def read_flow(
         FlowForm.POLYNOMIALS: partial(fit_polynomials, degrees=chosen.degrees or PAPER_DEGREES),
         FlowForm.SPLINE: fit_spline,
         FlowForm.ISO6358: partial(fit_iso6358, T=case.bench.T),
+        FlowForm.ISO6358_CURVE: partial(fit_iso6358_curve, T=case.bench.T),
     }
     fit = fits[chosen.flow_form]
     table, table_N = read_flow_maps(case, case.bench)

@@ -25,7 +25,7 @@ from pneumo_casadi.valve.form_selection import (
     Reason,
     choose_flow_form,
 )
-from pneumo_casadi.valve.iso6358 import FlowISO6358, fit_iso6358
+from pneumo_casadi.valve.iso6358 import FlowISO6358, fit_iso6358, fit_iso6358_curve
 from pneumo_casadi.valve.orifice import Orifice, fit_orifice, orifice_expression, orifice_flow
 from pneumo_casadi.valve.polynomial_fit import fit_polynomials
 from pneumo_casadi.valve.polynomials import FlowPolynomials
@@ -61,6 +61,7 @@ __all__ = [
     "each_valve",
     "edge_slopes",
     "fit_iso6358",
+    "fit_iso6358_curve",
     "fit_orifice",
     "fit_polynomials",
     "fit_spline",

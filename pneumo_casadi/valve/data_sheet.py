@@ -5,7 +5,8 @@ import numpy as np
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.valve_source import FlowSource, ValveData
 from pneumo_casadi.parameters import Parameter, Parameters
-from pneumo_casadi.valve.iso6358 import SOURCE, FlowISO6358
+from pneumo_casadi.valve.iso6358 import FlowISO6358
+from pneumo_casadi.valve.opening import SOURCE
 
 #: Standard uncertainty of C where nothing is known, over the value that the records suggest.
 UNKNOWN_CONDUCTANCE = 1.0

@@ -14,7 +14,7 @@ from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.valve.degree_selection import Folds, fold_masks, select_degrees
 from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.flow_model import FlowModel
-from pneumo_casadi.valve.iso6358 import fit_iso6358
+from pneumo_casadi.valve.iso6358 import fit_iso6358, fit_iso6358_curve
 from pneumo_casadi.valve.orifice import T_ANR
 from pneumo_casadi.valve.polynomial_fit import solve_polynomials
 from pneumo_casadi.valve.polynomials import Degrees
@@ -26,7 +26,6 @@ PAPER_DEGREES: Degrees = (7, 7, 4)
 FOLDS = 5
 
 Fit = Callable[[FlowMap], FlowModel]
-
 logger = logging.getLogger(__name__)
 
 
@@ -37,8 +36,17 @@ class FlowForm(Enum):
     """Eq. 12 of the paper."""
     ISO6358 = "iso6358"
     """Two metering edges of ISO 6358."""
+    ISO6358_CURVE = "iso6358_curve"
+    """Two metering edges of ISO 6358, each opening along a curve of five slopes."""
     SPLINE = "spline"
     """Smoothing spline; only its gain is refined by the output-error fit."""
+
+
+#: Fits of the forms whose flow is that of ISO 6358.
+ISO6358_FITS = {
+    FlowForm.ISO6358: fit_iso6358,
+    FlowForm.ISO6358_CURVE: fit_iso6358_curve,
+}
 
 
 class Reason(Enum):
@@ -171,8 +179,8 @@ def choose_flow_form(
 
     The one-standard-error rule [1]_ decides: of all forms whose mean square error is at most the
     least one plus the standard error of that, the first in the order polynomials (eq. 12),
-    ISO 6358, spline is chosen. The spline comes last because output error can refine its gain
-    alone: what its shape misses stays in X_s.
+    ISO 6358, ISO 6358 with curved openings, spline is chosen. The spline comes last because output
+    error can refine its gain alone: what its shape misses stays in X_s.
 
     Where the map has too few pressures for two folds, nothing is compared and the form with the
     fewest free coefficients, ISO 6358, is taken if it can be fitted.
@@ -261,7 +269,8 @@ def _fit_of(form: FlowForm, table: FlowMap, T: float, degrees: Degrees) -> Fit:
     if form is FlowForm.POLYNOMIALS:
         solve_polynomials(table, degrees)
         return partial(solve_polynomials, degrees=degrees)
-    if form is FlowForm.ISO6358:
-        return partial(fit_iso6358, T=T, start=fit_iso6358(table, T=T).parameters)
+    if form in ISO6358_FITS:
+        fit = ISO6358_FITS[form]
+        return partial(fit, T=T, start=fit(table, T=T).parameters)
     _, smoothing = smooth_map(table)
     return lambda part: smooth_map(part, smoothing=smoothing)[0]

@@ -15,7 +15,7 @@ from pneumo_casadi.identification.model_file import axis_dict, axis_from_dict
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.runtime.json_files import write_json
-from pneumo_casadi.valve import fit_iso6358
+from pneumo_casadi.valve import fit_iso6358, fit_iso6358_curve
 
 
 def same(result, axis, rng):
@@ -40,8 +40,9 @@ def test_every_kind_of_axis_survives(model):
     assert same(through_json(model.axis), model.axis, np.random.default_rng(0))
 
 
-def test_a_valve_of_iso_6358_survives(made):
-    axis = Servosystem(made.BENCH, fit_iso6358(made.smooth_map()))
+@pytest.mark.parametrize("fit", [fit_iso6358, fit_iso6358_curve])
+def test_a_valve_of_iso_6358_survives(made, fit):
+    axis = Servosystem(made.BENCH, fit(made.smooth_map()))
     result = through_json(axis)
     assert same(result, axis, np.random.default_rng(1))
     assert np.array_equal(result.flow.covariance, axis.flow.covariance)

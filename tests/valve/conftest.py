@@ -73,3 +73,24 @@ def enfield(data_folder: Path) -> Curves:
         parts.append(np.column_stack([np.full(len(curve), supply), curve]))
     p_supply, p, q = np.vstack(parts).T
     return Curves(p_supply * PSI, p * PSI, q * SCFM)
+
+
+@pytest.fixture(scope="session")
+def notched_valve() -> Callable[..., FlowMap]:
+    """Factory of maps whose edges open with a notch, then fully: no hyperbola, no curve of ours."""
+
+    def opening(u: NDArray[np.float64]) -> NDArray[np.float64]:
+        y = 0.08 * np.logaddexp(0.0, u / 0.08)
+        return y * (1 - 0.4 * np.exp(-y / 1.1)) + 0.002
+
+    def build(noise: float = 0.0, n_u: int = 41, n_p: int = 13, seed: int = 0) -> FlowMap:
+        u, p = (
+            a.ravel()
+            for a in np.meshgrid(np.linspace(-5, 5, n_u), np.linspace(P_EXT, P_SUPPLY, n_p))
+        )
+        inlet = orifice_flow(2e-9, 0.3, 0.5, P_SUPPLY, p) * opening(u)
+        outlet = orifice_flow(2.5e-9, 0.3, 0.5, p, P_EXT) * opening(-u)
+        q_m = inlet - outlet + noise * np.random.default_rng(seed).standard_normal(u.size)
+        return FlowMap(u, p, q_m, P_SUPPLY, P_EXT, source="notched valve")
+
+    return build

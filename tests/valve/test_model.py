@@ -6,10 +6,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from pneumo_casadi.valve import fit_iso6358, fit_polynomials, fit_spline, flow_function
+from pneumo_casadi.valve import (
+    fit_iso6358,
+    fit_iso6358_curve,
+    fit_polynomials,
+    fit_spline,
+    flow_function,
+)
 from pneumo_casadi.valve.flow_pair import FlowPair
 
-FITS = [fit_polynomials, fit_spline, fit_iso6358]
+FITS = [fit_polynomials, fit_spline, fit_iso6358, fit_iso6358_curve]
 
 
 @pytest.fixture(scope="module")

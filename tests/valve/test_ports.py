@@ -6,14 +6,22 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from pneumo_casadi.valve import fit_iso6358, fit_polynomials, fit_spline, orifice_flow
+from pneumo_casadi.valve import (
+    fit_iso6358,
+    fit_iso6358_curve,
+    fit_polynomials,
+    fit_spline,
+    orifice_flow,
+)
 from pneumo_casadi.valve.flow_model import FlowModel
 
 P_SUPPLY, P_EXT = 7e5, 1e5
 
 
 @pytest.fixture(
-    scope="module", params=[fit_polynomials, fit_spline, fit_iso6358], ids=lambda fit: fit.__name__
+    scope="module",
+    params=[fit_polynomials, fit_spline, fit_iso6358, fit_iso6358_curve],
+    ids=lambda fit: fit.__name__,
 )
 def form(request, spool_valve) -> SimpleNamespace:
     flow: FlowModel = request.param(spool_valve())

@@ -7,13 +7,14 @@ from pneumo_casadi.valve import FlowForm, FormError, FormSelection, Reason
 FORMS = {
     FlowForm.POLYNOMIALS: "polynomials (eq. 12 of the paper)",
     FlowForm.ISO6358: "ISO 6358",
+    FlowForm.ISO6358_CURVE: "ISO 6358 with curved openings",
     FlowForm.SPLINE: "spline",
 }
 _REASONS = {
     Reason.LEAST_ERROR: "it has the least held-out error",
     Reason.EQUALLY_WELL: (
         "its held-out error is within one standard error of the least one, and it comes first in "
-        "the order polynomials, ISO 6358, spline"
+        "the order of this table"
     ),
     Reason.ONLY_FORM: "no other form can be fitted to this map",
     Reason.TOO_FEW_POINTS: "the map has too few pressures for a comparison",

@@ -1,0 +1,124 @@
+r"""Opening laws of a metering edge: its conductance C [m³/(s Pa)] over the command.
+
+Both laws begin with the clearance, whose rounding w lets an edge that overlaps leak a little:
+
+.. math:: s = (u - u_0 + \sqrt{(u - u_0)^2 + w^2}) / 2
+
+and both rise with u everywhere, so that the mass flow does.
+"""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from pneumo_casadi.parameters import Parameter, Parameters
+
+SOURCE = "ISO 6358-1:2013"
+#: Openings at which a curve states its slope, as shares of the largest command metered: closer
+#: where an edge begins to open, for there an axis works and there ports have their shape.
+KNOTS = (0.0, 0.05, 0.15, 0.4, 1.0)
+
+
+def conductance(names: tuple[str, ...], side: str, reach: float) -> Any:
+    """Return the opening law of one side's edge: ``(parameters by name, command) -> C``.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters of the valve; ``k_1_<side>`` among them makes it a curve.
+    side : str
+        ``supply`` or ``exhaust``.
+    reach : float
+        Largest command metered [V].
+    """
+    if _slope(1, side) in names:
+        knots = [share * reach for share in KNOTS]
+
+        def curve(at: Mapping[str, Any], command: Any) -> Any:
+            slopes = [at[_slope(j, side)] for j in range(1, len(KNOTS) + 1)]
+            return at[f"C_leak_{side}"] + _rise(_opened(at, side, command), slopes, knots)
+
+        return curve
+
+    def hyperbola(at: Mapping[str, Any], command: Any) -> Any:
+        s = _opened(at, side, command)
+        return at[f"C_leak_{side}"] + at[f"k_{side}"] * s / (1 + at[f"h_{side}"] * s)
+
+    return hyperbola
+
+
+def hyperbola_parameters(side: str, k: float, reach: float) -> list[Parameter]:
+    """Return the start of the law C_leak + k s/(1 + h s) with the gain k [m³/(s Pa V)]."""
+    gain = _parameter(f"k_{side}", k, "m³/(s Pa V)", (0.0, np.inf), k, "conductance gain")
+    limits = (0.0, 1e3 / reach)
+    saturation = _parameter(f"h_{side}", 0.01 / reach, "1/V", limits, 0.1 / reach, "saturation")
+    u_0, w, C_leak, b = _clearance(side, k, reach)
+    return [gain, u_0, w, saturation, C_leak, b]
+
+
+def curve_parameters(hyperbola: Mapping[str, float], side: str, reach: float) -> list[Parameter]:
+    """Return the start of the law C_leak + ∫k(s) ds from a hyperbola fitted to the same map.
+
+    k(s) is linear between its values k_1 … k_5 at the openings `KNOTS` and constant beyond.
+    """
+    k, h = hyperbola[f"k_{side}"], hyperbola[f"h_{side}"]
+    mean = k / (1 + h * reach)
+    slopes = [
+        _parameter(
+            _slope(j, side),
+            k / (1 + h * share * reach) ** 2,
+            "m³/(s Pa V)",
+            (0.0, np.inf),
+            mean,
+            f"conductance gain at {share:.0%} of the largest opening",
+        )
+        for j, share in enumerate(KNOTS, 1)
+    ]
+    clearance = Parameters(_clearance(side, mean, reach))
+    begun = clearance.with_values({name: hyperbola[name] for name in clearance.names})
+    return [*slopes, *begun]
+
+
+def subsonic_index(m: float) -> Parameter:
+    """Return the start of the subsonic index of both edges."""
+    return _parameter("m", m, "1", (0.1, 2.0), 0.1, "subsonic index")
+
+
+def _clearance(side: str, k: float, reach: float) -> list[Parameter]:
+    """Return what both laws have, and the critical ratio of the edge."""
+    C = k * reach
+    w = (1e-4 * reach, reach)
+    return [
+        _parameter(f"u_0_{side}", 0.0, "V", (-reach, reach), 0.02 * reach, "opening point"),
+        _parameter(f"w_{side}", 0.02 * reach, "V", w, 0.02 * reach, "rounding"),
+        _parameter(f"C_leak_{side}", 0.01 * C, "m³/(s Pa)", (0.0, np.inf), 0.01 * C, "leakage"),
+        _parameter(f"b_{side}", 0.3, "1", (0.0, 0.95), 0.1, "critical pressure ratio"),
+    ]
+
+
+def _slope(j: int, side: str) -> str:
+    return f"k_{j}_{side}"
+
+
+def _opened(at: Mapping[str, Any], side: str, command: Any) -> Any:
+    x, w = command - at[f"u_0_{side}"], at[f"w_{side}"]
+    return (x + ca.sqrt(x * x + w * w)) / 2
+
+
+def _rise(s: Any, slopes: list[Any], knots: list[float]) -> Any:
+    """Return the integral of the slopes from 0 to s."""
+    beyond = [ca.fmax(s - knot, 0.0) ** 2 for knot in knots]
+    rise = slopes[0] * s
+    for j, (low, high) in enumerate(pairwise(knots)):
+        step = (beyond[j] - beyond[j + 1]) / (2 * (high - low))
+        rise += (slopes[j + 1] - slopes[j]) * step
+    return rise
+
+
+def _parameter(
+    name: str, value: float, unit: str, bounds: tuple[float, float], scale: float, what: str
+) -> Parameter:
+    return Parameter(name, value, unit, *bounds, scale=scale, description=what, source=SOURCE)

@@ -1,0 +1,94 @@
+"""Openings that follow a curve: the fit of notched ports, and that every curve rises."""
+
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pneumo_casadi.valve import (
+    FlowForm,
+    Reason,
+    choose_flow_form,
+    fit_iso6358,
+    fit_iso6358_curve,
+)
+from pneumo_casadi.valve.opening import KNOTS, conductance, curve_parameters
+
+REACH = 5.0
+HYPERBOLA = {
+    "k_supply": 3e-9,
+    "u_0_supply": 0.1,
+    "w_supply": 0.05,
+    "h_supply": 0.2,
+    "C_leak_supply": 1e-11,
+    "b_supply": 0.3,
+}
+
+
+def curve(values=None):
+    """The conductance over the command of one edge with these parameters, and their names."""
+    start = curve_parameters(HYPERBOLA, "supply", REACH)
+    values = {item.name: item.value for item in start} | (values or {})
+    u = ca.SX.sym("u")
+    C = conductance(tuple(values), "supply", REACH)(values, u)
+    function = ca.Function("C", [u], [C])
+    return lambda u: function(np.asarray(u, dtype=float).reshape(1, -1)).full().ravel()
+
+
+def test_a_notched_edge_near_null_is_met_four_times_closer_than_by_a_hyperbola(notched_valve):
+    noise = 2e-5
+    table, exact = notched_valve(noise), notched_valve(n_u=201)
+    used = np.abs(exact.u) < 1
+
+    def error(flow):
+        return np.sqrt(np.mean(flow.residuals(exact)[used] ** 2))
+
+    hyperbola, fitted = fit_iso6358(table), fit_iso6358_curve(table)
+    assert error(fitted) < error(hyperbola) / 4
+    assert error(fitted) < noise / 2
+    assert fitted.sigma == pytest.approx(noise, rel=0.1)
+    assert hyperbola.sigma > 1.3 * noise
+
+
+@pytest.mark.slow
+def test_the_curve_is_chosen_where_ports_are_notched(notched_valve):
+    selection = choose_flow_form(notched_valve(2e-5))
+    assert selection.chosen is FlowForm.ISO6358_CURVE
+    assert selection.reason is Reason.LEAST_ERROR
+
+
+def test_a_straight_edge_needs_no_curve(spool_valve):
+    table = spool_valve(noise=1e-5, n_u=41)
+    straight, fitted = fit_iso6358(table), fit_iso6358_curve(table)
+    assert fitted.sigma == pytest.approx(straight.sigma, rel=0.02)
+    slopes = [fitted.parameters[f"k_{j}_exhaust"].value for j in range(2, len(KNOTS) + 1)]
+    np.testing.assert_allclose(slopes, 4e-9, rtol=0.02)
+
+
+def test_it_begins_at_the_slopes_of_the_hyperbola():
+    law = curve({"w_supply": 1e-9, "u_0_supply": 0.0})
+    at = np.array(KNOTS[1:]) * REACH
+    slope = (law(at + 1e-4) - law(at - 1e-4)) / 2e-4
+    np.testing.assert_allclose(slope, 3e-9 / (1 + 0.2 * at) ** 2, rtol=1e-3)
+
+
+@given(
+    st.lists(st.floats(0, 1e-8), min_size=len(KNOTS), max_size=len(KNOTS)),
+    st.floats(-5, 5),
+    st.floats(5e-4, 5),
+)
+def test_whatever_the_slopes_the_conductance_rises(slopes, u_0, w):
+    gains = {f"k_{j}_supply": k for j, k in enumerate(slopes, 1)}
+    C = curve(gains | {"u_0_supply": u_0, "w_supply": w})(np.linspace(-8, 8, 801))
+    assert np.all(C >= 1e-11 * (1 - 1e-12))
+    assert all(b >= a - 1e-12 * C.max() for a, b in pairwise(C))
+
+
+def test_scale_is_that_of_all_conductances_together(notched_valve):
+    table = notched_valve(2e-5)
+    flow = fit_iso6358_curve(table)
+    assert flow.scale_sigma == pytest.approx(fit_iso6358(table).scale_sigma, rel=0.7)
+    assert 0 < flow.scale_sigma < 1e-3
