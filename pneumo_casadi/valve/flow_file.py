@@ -15,6 +15,7 @@ from pneumo_casadi.runtime.json_input import Section, typed
 from pneumo_casadi.valve.flow_model import FlowModel
 from pneumo_casadi.valve.flow_pair import AnyFlowModel, FlowPair
 from pneumo_casadi.valve.iso6358 import FlowISO6358
+from pneumo_casadi.valve.opening import known_laws
 from pneumo_casadi.valve.polynomials import FlowPolynomials
 from pneumo_casadi.valve.spline import FlowSpline
 
@@ -171,6 +172,8 @@ def flow_from_dict(content: Any, items: Sequence[Parameter], where: str) -> AnyF
             raise CaseError(f"`{where}.{name}`: got {values[name]}; the first must be the lower")
     if isinstance(section, _Spline):
         _check_spline(section, where)
+    if isinstance(section, _Iso6358):
+        _check_openings(section, where)
     flow: FlowModel = make(parameters=parameters, covariance=covariance, **values)
     return flow
 
@@ -183,6 +186,18 @@ def _check_units(parameters: Parameters, where: str) -> None:
                 f"`{where}`: parameter {shown(item.name)} in {shown(item.unit)}, expected "
                 f"{expected}; convert the value, or identify anew"
             )
+
+
+def _check_openings(section: _Iso6358, where: str) -> None:
+    """Check that the parameters are those of one of the laws of opening."""
+    names = frozenset(section.parameters)
+    nearest = min(known_laws(), key=lambda law: len(law ^ names))
+    odd = sorted(nearest ^ names)
+    if odd:
+        raise CaseError(
+            f"`{where}.parameters`: not those of an ISO 6358 valve, which differ in "
+            f"{', '.join(map(shown, odd))}; identify anew"
+        )
 
 
 def _check_spline(section: _Spline, where: str) -> None:

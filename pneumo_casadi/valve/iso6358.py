@@ -15,6 +15,7 @@ from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.flow_model import KEPT, Symbol, scale_sigma, whole
 from pneumo_casadi.valve.opening import (
+    SIDES,
     conductance,
     curve_parameters,
     hyperbola_parameters,
@@ -29,8 +30,6 @@ from pneumo_casadi.valve.orifice import (
 )
 
 logger = logging.getLogger(__name__)
-
-SIDES = ("supply", "exhaust")
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -22,6 +22,20 @@ SOURCE = "ISO 6358-1:2013"
 KNOTS = (0.0, 0.05, 0.15, 0.4, 1.0)
 
 
+SIDES = ("supply", "exhaust")
+
+
+def known_laws() -> tuple[frozenset[str], frozenset[str]]:
+    """Return the names of the parameters of a valve whose edges open by either law."""
+    at = {f"{name}_{side}": 0.5 for name in ("k", "u_0", "w", "h", "C_leak", "b") for side in SIDES}
+    laws = (
+        [item for side in SIDES for item in hyperbola_parameters(side, 1.0, 1.0)],
+        [item for side in SIDES for item in curve_parameters(at, side, 1.0)],
+    )
+    hyperbola, curve = (frozenset({*(item.name for item in law), "m"}) for law in laws)
+    return hyperbola, curve
+
+
 def conductance(names: tuple[str, ...], side: str, reach: float) -> Any:
     """Return the opening law of one side's edge: ``(parameters by name, command) -> C``.
 

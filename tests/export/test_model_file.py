@@ -48,6 +48,19 @@ def test_a_valve_of_iso_6358_survives(made, fit):
     assert np.array_equal(result.flow.covariance, axis.flow.covariance)
 
 
+@pytest.mark.parametrize(
+    ("fit", "lost"), [(fit_iso6358, "h_supply"), (fit_iso6358_curve, "k_3_exhaust")]
+)
+def test_a_valve_of_iso_6358_without_one_of_its_parameters_is_told(made, fit, lost):
+    content = axis_dict(Servosystem(made.BENCH, fit(made.smooth_map())))
+    flow = content["flow"]
+    at = flow["parameters"].index(lost)
+    flow["parameters"].remove(lost)
+    flow["covariance"] = np.delete(np.delete(np.array(flow["covariance"]), at, 0), at, 1).tolist()
+    with pytest.raises(CaseError, match=f"not those of an ISO 6358 valve.*'{lost}'"):
+        axis_from_dict(content)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_of_the_catalogue_survives(made, name):
