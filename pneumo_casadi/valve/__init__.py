@@ -1,7 +1,15 @@
 """Static flow of the servodistributor: the measured map and the models fitted to it."""
 
+from pneumo_casadi.valve.choice.degree_selection import DegreeSelection, select_degrees
+from pneumo_casadi.valve.choice.form_selection import (
+    PAPER_DEGREES,
+    FlowForm,
+    FormError,
+    FormSelection,
+    Reason,
+    choose_flow_form,
+)
 from pneumo_casadi.valve.data_sheet import iso6358_from_data_sheet
-from pneumo_casadi.valve.degree_selection import DegreeSelection, select_degrees
 from pneumo_casadi.valve.flow_map import FlowMap, read_flow_map
 from pneumo_casadi.valve.flow_model import (
     FlowModel,
@@ -17,15 +25,8 @@ from pneumo_casadi.valve.flow_pair import (
     FlowPair,
     each_valve,
 )
-from pneumo_casadi.valve.form_selection import (
-    PAPER_DEGREES,
-    FlowForm,
-    FormError,
-    FormSelection,
-    Reason,
-    choose_flow_form,
-)
-from pneumo_casadi.valve.iso6358 import FlowISO6358, fit_iso6358, fit_iso6358_curve
+from pneumo_casadi.valve.iso6358 import FlowISO6358
+from pneumo_casadi.valve.iso6358_fit import fit_iso6358, fit_iso6358_curve
 from pneumo_casadi.valve.orifice import Orifice, fit_orifice, orifice_expression, orifice_flow
 from pneumo_casadi.valve.polynomial_fit import fit_polynomials
 from pneumo_casadi.valve.polynomials import FlowPolynomials

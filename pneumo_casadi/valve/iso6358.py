@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
@@ -17,15 +16,10 @@ from pneumo_casadi.valve.flow_model import KEPT, Symbol, scale_sigma, whole
 from pneumo_casadi.valve.opening import (
     SIDES,
     conductance,
-    curve_parameters,
-    hyperbola_parameters,
-    subsonic_index,
 )
 from pneumo_casadi.valve.orifice import (
     LAMINAR_RATIO,
-    RHO_ANR,
     T_ANR,
-    bounded_least_squares,
     orifice_expression,
 )
 
@@ -113,8 +107,15 @@ class FlowISO6358(Brief):
         arrays = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (u, p, supply)))
         if not arrays[0].size:
             return np.zeros(arrays[0].shape)
-        q = _evaluate(self, self.parameters.values, arrays)[0]
+        q = self.flow_and_slopes(self.parameters.values, arrays)[0]
         return q.reshape(arrays[0].shape)
+
+    def flow_and_slopes(self, theta: FloatArray, points: Any) -> tuple[FloatArray, FloatArray]:
+        """Return q_m [kg/s] and ∂q_m/∂θ at points (u, p, p_supply) of n values each."""
+        u, p, p_supply = (np.asarray(a, dtype=float).reshape(1, -1) for a in points)
+        # What is that of each point is given once: CasADi repeats it.
+        q, jacobian = _with_slopes(self._kind)(u, p, theta, p_supply, self.p_ext)
+        return np.asarray(q)[0], np.asarray(jacobian)
 
     def residuals(self, table: FlowMap) -> FloatArray:
         """Return measured minus modelled flow [kg/s], shape (n,), at the table's supply."""
@@ -141,105 +142,6 @@ class FlowISO6358(Brief):
         """Names of the parameters that the fit left at a bound: their variance is infinite."""
         infinite = np.isinf(np.diag(self.covariance))
         return tuple(name for name, bad in zip(self.parameters.names, infinite, strict=True) if bad)
-
-
-def fit_iso6358(
-    table: FlowMap,
-    *,
-    T: float = T_ANR,
-    laminar_ratio: float = LAMINAR_RATIO,
-    start: Parameters | None = None,
-) -> FlowISO6358:
-    """Fit the two edges of a three-way valve to a measured map by bounded least squares.
-
-    Parameters
-    ----------
-    table : FlowMap
-        Measured points on both sides of u = 0, with `p_supply` (one or one per point) and
-        `p_ext`.
-    T : float, optional
-        Supply temperature [K].
-    laminar_ratio : float, optional
-        See `orifice_expression`.
-    start : Parameters, optional
-        Start, bounds and scales; by default from the greatest flows of the map.
-
-    Raises
-    ------
-    CaseError
-        If a pressure is unknown, one side of the valve was not metered, or there are no more
-        points than parameters.
-    FitError
-        If the iteration stalls.
-    """
-    _check(table)
-    return _fitted(table, _start(table, T) if start is None else start, T, laminar_ratio)
-
-
-def fit_iso6358_curve(
-    table: FlowMap,
-    *,
-    T: float = T_ANR,
-    laminar_ratio: float = LAMINAR_RATIO,
-    start: Parameters | None = None,
-) -> FlowISO6358:
-    """Fit two edges whose conductances are curves of five slopes over the command.
-
-    Parameters and errors are those of `fit_iso6358`, whose fit is where this one starts.
-
-    Notes
-    -----
-    One hyperbola describes straight ports and the saturation of a stroke. Round and notched ports
-    open along other curves: a hyperbola through the whole map misses them by half a per cent of
-    the largest flow, which near null, where an axis works, may be a tenth of the flow.
-    """
-    _check(table)
-    if start is None:
-        at = fit_iso6358(table, T=T, laminar_ratio=laminar_ratio).parameters.as_dict()
-        reach = float(max(np.abs(table.u_range)))
-        edges = [item for side in SIDES for item in curve_parameters(at, side, reach)]
-        start = Parameters([*edges, subsonic_index(at["m"])])
-    return _fitted(table, start, T, laminar_ratio)
-
-
-def _check(table: FlowMap) -> None:
-    """Check that a map tells both edges."""
-    if table.p_supply is None or table.p_ext is None:
-        name = "p_supply" if table.p_supply is None else "p_ext"
-        raise CaseError(
-            f"{table.source}: `{name}` is unknown; ISO 6358 needs absolute supply and exhaust "
-            "pressures [Pa]: give them to the flow map"
-        )
-    if not (np.any(table.u > 0) and np.any(table.u < 0)):
-        raise CaseError(
-            f"{table.source}: commands from {table.u.min():g} to {table.u.max():g} V; both signs "
-            "are needed for both edges, use `fit_orifice` for one opening"
-        )
-
-
-def _fitted(table: FlowMap, guess: Parameters, T: float, laminar_ratio: float) -> FlowISO6358:
-    assert table.p_supply is not None and table.p_ext is not None
-    if table.u.size <= len(guess):
-        raise CaseError(
-            f"{table.source}: {table.u.size} points for the {len(guess)} parameters of ISO 6358; "
-            "meter more commands and pressures"
-        )
-    shape = np.zeros((len(guess), len(guess)))
-    supply = float(np.mean(table.p_supply))
-    valve = FlowISO6358(
-        guess, shape, 0.0, table.p_range, table.u_range, supply, table.p_ext, T, laminar_ratio
-    )
-    points = np.broadcast_arrays(table.u, table.p, np.asarray(table.p_supply))
-
-    def evaluate(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        q_m, jacobian = _evaluate(valve, theta, points)
-        return q_m - table.q_m, jacobian.T
-
-    fitted, covariance, sigma = bounded_least_squares(evaluate, guess, table.q_max)
-    result = replace(valve, parameters=fitted, covariance=covariance, sigma=sigma)
-    if result.at_bound:
-        logger.info("%s: at a bound: %s", table.source, ", ".join(result.at_bound))
-    return result
 
 
 class _Kind(NamedTuple):
@@ -274,28 +176,3 @@ def _with_slopes(kind: _Kind) -> ca.Function:
     given = law.sx_in()
     q_m = law(*given)
     return ca.Function("q_m_slopes", given, [q_m, ca.jacobian(q_m, given[2]).T])
-
-
-def _evaluate(valve: FlowISO6358, theta: FloatArray, points: Any) -> tuple[FloatArray, FloatArray]:
-    u, p, p_supply = (np.asarray(a, dtype=float).reshape(1, -1) for a in points)
-    # What is that of each point is given once: CasADi repeats it.
-    q, jacobian = _with_slopes(valve._kind)(u, p, theta, p_supply, valve.p_ext)
-    return np.asarray(q)[0], np.asarray(jacobian)
-
-
-def _start(table: FlowMap, T: float) -> Parameters:
-    supply = np.asarray(table.p_supply)
-    unit_flow = RHO_ANR * np.sqrt(T_ANR / T)
-    gains = {
-        "supply": np.max(table.q_m / supply) / (unit_flow * table.u_range[1]),
-        "exhaust": np.max(-table.q_m / table.p) / (unit_flow * -table.u_range[0]),
-    }
-    reach = max(np.abs(table.u_range))
-    items = []
-    for side, k in gains.items():
-        if not k > 0:
-            raise ModelError(
-                f"{table.source}: no flow through the {side} edge; is the sign of u reversed?"
-            )
-        items += hyperbola_parameters(side, k, reach)
-    return Parameters([*items, subsonic_index(0.5)])

@@ -22,6 +22,9 @@ SOURCE = "ISO 6358-1:2013"
 KNOTS = (0.0, 0.05, 0.15, 0.4, 1.0)
 
 
+#: Standard deviation of a slope of a curve about that of the hyperbola through the same map, over
+#: the larger of this slope and the mean one: notched and round ports differ by a third to a half.
+LIKE_HYPERBOLA = 0.5
 SIDES = ("supply", "exhaust")
 
 
@@ -80,17 +83,12 @@ def curve_parameters(hyperbola: Mapping[str, float], side: str, reach: float) ->
     """
     k, h = hyperbola[f"k_{side}"], hyperbola[f"h_{side}"]
     mean = k / (1 + h * reach)
-    slopes = [
-        _parameter(
-            _slope(j, side),
-            k / (1 + h * share * reach) ** 2,
-            "m³/(s Pa V)",
-            (0.0, np.inf),
-            mean,
-            f"conductance gain at {share:.0%} of the largest opening",
-        )
-        for j, share in enumerate(KNOTS, 1)
-    ]
+    slopes = []
+    for j, share in enumerate(KNOTS, 1):
+        slope = k / (1 + h * share * reach) ** 2
+        what = f"conductance gain at {share:.0%} of the largest opening"
+        known = (slope, "m³/(s Pa V)", (0.0, np.inf), max(slope, mean), what)
+        slopes.append(_parameter(_slope(j, side), *known))
     clearance = Parameters(_clearance(side, mean, reach))
     begun = clearance.with_values({name: hyperbola[name] for name in clearance.names})
     return [*slopes, *begun]

@@ -92,3 +92,14 @@ def test_scale_is_that_of_all_conductances_together(notched_valve):
     flow = fit_iso6358_curve(table)
     assert flow.scale_sigma == pytest.approx(fit_iso6358(table).scale_sigma, rel=0.7)
     assert 0 < flow.scale_sigma < 1e-3
+
+
+def test_a_slope_that_no_command_tells_stands_near_the_hyperbolas(notched_valve):
+    """Without commands just beyond null the gain there and the opening point cannot be told."""
+    table = notched_valve(2e-5, n_u=21)
+    few = table.select(np.abs(np.abs(table.u) - 0.5) > 0.1)
+    hyperbola, fitted = fit_iso6358(few), fit_iso6358_curve(few)
+    begin = fitted.parameters["k_1_exhaust"].value / hyperbola.parameters["k_exhaust"].value
+    assert 0.3 < begin < 2
+    left_out = fitted.residuals(table)[np.abs(np.abs(table.u) - 0.5) < 0.1]
+    assert np.sqrt(np.mean(left_out**2)) < 0.02 * table.q_max

@@ -11,10 +11,10 @@ import numpy as np
 
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.valve.degree_selection import Folds, fold_masks, select_degrees
+from pneumo_casadi.valve.choice.degree_selection import Folds, fold_masks, select_degrees
 from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.flow_model import FlowModel
-from pneumo_casadi.valve.iso6358 import fit_iso6358, fit_iso6358_curve
+from pneumo_casadi.valve.iso6358_fit import fit_iso6358, fit_iso6358_curve
 from pneumo_casadi.valve.orifice import T_ANR
 from pneumo_casadi.valve.polynomial_fit import solve_polynomials
 from pneumo_casadi.valve.polynomials import Degrees
@@ -271,6 +271,7 @@ def _fit_of(form: FlowForm, table: FlowMap, T: float, degrees: Degrees) -> Fit:
         return partial(solve_polynomials, degrees=degrees)
     if form in ISO6358_FITS:
         fit = ISO6358_FITS[form]
-        return partial(fit, T=T, start=fit(table, T=T).parameters)
+        fit(table, T=T)
+        return partial(fit, T=T, start=fit_iso6358(table, T=T).parameters)
     _, smoothing = smooth_map(table)
     return lambda part: smooth_map(part, smoothing=smoothing)[0]
