@@ -77,6 +77,7 @@ PAIR = "pair"
 #: How names of flow parameters begin -> their unit, longer ones first.
 _UNITS = {
     "flow_gain": "1",
+    "supply_ratio": "1",
     "C_leak_": "m³/(s Pa)",
     "phi_": "kg/s",
     "psi_": "kg/(s V)",

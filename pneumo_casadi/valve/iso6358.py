@@ -15,6 +15,7 @@ from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.flow_model import KEPT, Symbol, scale_sigma, whole
 from pneumo_casadi.valve.opening import (
     SIDES,
+    SUPPLY_RATIO,
     conductance,
 )
 from pneumo_casadi.valve.orifice import (
@@ -47,7 +48,8 @@ class FlowISO6358(Brief):
         rounding w [V], saturation h [1/V], leakage C_leak [m³/(s Pa)], critical ratio b [1];
         and the subsonic index m [1] of both. A curve has in place of k and h the gains
         k_1 … k_5 at openings of 0, 5, 15, 40 and 100 % of the largest command metered, between
-        which its slope is linear.
+        which its slope is linear; and the ratio of the supply pressure to the stated one,
+        ``supply_ratio``.
     covariance : (n, n) array
         Covariance; infinite variance where a parameter stands at its bound (`at_bound`).
     sigma : float
@@ -164,7 +166,8 @@ def _law(kind: _Kind) -> ca.Function:
         for side, command in zip(SIDES, (u, -u), strict=True)
     )
     law = {"T": kind.T, "laminar_ratio": kind.laminar_ratio}
-    inlet = orifice_expression(C_s, at["b_supply"], at["m"], p_supply, p, **law)
+    supply = p_supply * at[SUPPLY_RATIO] if SUPPLY_RATIO in at else p_supply
+    inlet = orifice_expression(C_s, at["b_supply"], at["m"], supply, p, **law)
     outlet = orifice_expression(C_e, at["b_exhaust"], at["m"], p, p_ext, **law)
     return ca.Function("q_m", [u, p, theta, p_supply, p_ext], [inlet - outlet])
 

@@ -11,10 +11,13 @@ from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.iso6358 import FlowISO6358
 from pneumo_casadi.valve.opening import (
     LIKE_HYPERBOLA,
+    MANOMETER,
     SIDES,
+    SUPPLY_RATIO,
     curve_parameters,
     hyperbola_parameters,
     subsonic_index,
+    supply_ratio,
 )
 from pneumo_casadi.valve.orifice import LAMINAR_RATIO, RHO_ANR, T_ANR, bounded_least_squares
 
@@ -82,14 +85,18 @@ def fit_iso6358_curve(
     open along other curves: a hyperbola through the whole map misses them by half a per cent of
     the largest flow, which near null, where an axis works, may be a tenth of the flow. Where the
     map tells no slope, because too few commands were metered, that of the hyperbola stands: each
-    is known beforehand to be like it, within `LIKE_HYPERBOLA`.
+    is known beforehand to be like it, within `LIKE_HYPERBOLA`. The supply pressure may differ from
+    the stated one by as much as manometers do.
     """
     hyperbola = fit_iso6358(table, T=T, laminar_ratio=laminar_ratio, start=start)
     at, reach = hyperbola.parameters.as_dict(), float(max(np.abs(table.u_range)))
     edges = [item for side in SIDES for item in curve_parameters(at, side, reach)]
-    guess = Parameters([*edges, subsonic_index(at["m"])])
-    spread = np.where([name.startswith("k_") for name in guess.names], guess.scales, np.inf)
-    return _fitted(table, guess, T, laminar_ratio, hyperbola.sigma / (LIKE_HYPERBOLA * spread))
+    guess = Parameters([*edges, subsonic_index(at["m"]), supply_ratio()])
+    spread = np.full(len(guess), np.inf)
+    slopes = [name.startswith("k_") for name in guess.names]
+    spread[slopes] = LIKE_HYPERBOLA * guess.scales[slopes]
+    spread[guess.index(SUPPLY_RATIO)] = MANOMETER
+    return _fitted(table, guess, T, laminar_ratio, hyperbola.sigma / spread)
 
 
 def _check(table: FlowMap) -> None:

@@ -25,6 +25,9 @@ KNOTS = (0.0, 0.05, 0.15, 0.4, 1.0)
 #: Standard deviation of a slope of a curve about that of the hyperbola through the same map, over
 #: the larger of this slope and the mean one: notched and round ports differ by a third to a half.
 LIKE_HYPERBOLA = 0.5
+#: Supply pressure over the one that was stated, and its standard deviation: manometers are of
+#: class 1 to 1.6. Near the supply pressure the flow is steep, and half a per cent shows.
+SUPPLY_RATIO, MANOMETER = "supply_ratio", 0.01
 SIDES = ("supply", "exhaust")
 
 
@@ -36,7 +39,7 @@ def known_laws() -> tuple[frozenset[str], frozenset[str]]:
         [item for side in SIDES for item in curve_parameters(at, side, 1.0)],
     )
     hyperbola, curve = (frozenset({*(item.name for item in law), "m"}) for law in laws)
-    return hyperbola, curve
+    return hyperbola, curve | {SUPPLY_RATIO}
 
 
 def conductance(names: tuple[str, ...], side: str, reach: float) -> Any:
@@ -97,6 +100,11 @@ def curve_parameters(hyperbola: Mapping[str, float], side: str, reach: float) ->
 def subsonic_index(m: float) -> Parameter:
     """Return the start of the subsonic index of both edges."""
     return _parameter("m", m, "1", (0.1, 2.0), 0.1, "subsonic index")
+
+
+def supply_ratio() -> Parameter:
+    """Return the start of the ratio of the supply pressure to the one that was stated."""
+    return _parameter(SUPPLY_RATIO, 1.0, "1", (0.8, 1.2), MANOMETER, "supply over the stated one")
 
 
 def _clearance(side: str, k: float, reach: float) -> list[Parameter]:

@@ -1,5 +1,6 @@
 """Openings that follow a curve: the fit of notched ports, and that every curve rises."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import casadi as ca
@@ -85,6 +86,17 @@ def test_whatever_the_slopes_the_conductance_rises(slopes, u_0, w):
     C = curve(gains | {"u_0_supply": u_0, "w_supply": w})(np.linspace(-8, 8, 801))
     assert np.all(C >= 1e-11 * (1 - 1e-12))
     assert all(b >= a - 1e-12 * C.max() for a, b in pairwise(C))
+
+
+@pytest.mark.parametrize("stated", [0.992, 1.0, 1.005])
+def test_a_supply_that_was_stated_wrong_is_told_by_the_map(spool_valve, stated):
+    table = spool_valve(noise=1e-5, n_u=21)
+    fitted = fit_iso6358_curve(replace(table, p_supply=stated * 7e5))
+    ratio = fitted.parameters["supply_ratio"].value
+    sigma = np.sqrt(np.diag(fitted.covariance)[fitted.parameters.index("supply_ratio")])
+    assert ratio == pytest.approx(1 / stated, abs=max(4 * sigma, 2e-4))
+    assert sigma < 5e-4
+    assert fitted.sigma == pytest.approx(1e-5, rel=0.1)
 
 
 def test_scale_is_that_of_all_conductances_together(notched_valve):
