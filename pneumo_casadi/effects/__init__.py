@@ -54,6 +54,9 @@ from pneumo_casadi.effects.friction.quadratic_drag import (
 from pneumo_casadi.effects.friction.stribeck import Stribeck as Stribeck
 from pneumo_casadi.effects.friction.stribeck_film import StribeckFilm as StribeckFilm
 from pneumo_casadi.effects.friction.stribeck_rational import StribeckRational as StribeckRational
+from pneumo_casadi.effects.load.backlash_before_load import (
+    BacklashBeforeLoad as BacklashBeforeLoad,
+)
 from pneumo_casadi.effects.load.constant_force import ConstantForce as ConstantForce
 from pneumo_casadi.effects.load.elastic_load import ElasticLoad as ElasticLoad
 from pneumo_casadi.effects.load.elastic_load import (
@@ -64,6 +67,9 @@ from pneumo_casadi.effects.load.position_on_elastic_load import (
 )
 from pneumo_casadi.effects.load.position_on_elastic_load import (
     PositionOnGuidedLoad as PositionOnGuidedLoad,
+)
+from pneumo_casadi.effects.load.position_on_elastic_load import (
+    PositionOnLoadWithPlay as PositionOnLoadWithPlay,
 )
 from pneumo_casadi.effects.load.position_on_elastic_load import (
     PositionOnProgressiveLoad as PositionOnProgressiveLoad,

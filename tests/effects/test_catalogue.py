@@ -24,6 +24,7 @@ SIDE = re.compile("_(P|N|plus|minus)(_(plus|minus))?$")
 ORDER = (
     "asymmetric_viscous_friction",
     "backlash",
+    "backlash_before_load",
     "constant_force",
     "drive_lag",
     "gain_error",
@@ -48,6 +49,7 @@ ORDER = (
     "position_friction_step",
     "position_on_elastic_load",
     "position_on_guided_load",
+    "position_on_load_with_play",
     "position_on_progressive_load",
     "presliding",
     "presliding_dahl",

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
+from pneumo_casadi.effects.common.contact import touching, within
 from pneumo_casadi.effects.common.progression import PROGRESSION, PROGRESSIONS
 from pneumo_casadi.effects.common.regular_lag import numerator
 from pneumo_casadi.model.effect import Effect, Scope, State
@@ -17,6 +18,8 @@ from pneumo_casadi.parameters import Parameter
 CAPACITY_LEAST = 0.1
 #: √(3 κ) of a spring that does not stiffen [1/N]: Cardano's root needs one.
 LEAST_STEEP = 1e-7
+#: Of a contact, that a rigid one has no infinite force [m/N]: a thousandth of a stiff one's.
+LEAST_COMPLIANCE = 1e-9
 
 
 class PositionOnElasticLoad(Effect):
@@ -204,6 +207,61 @@ class PositionOnProgressiveLoad(PositionOnGuidedLoad):
     def _spring_force(self, at: Scope) -> Expression:
         stretch, _ = _apart(at)
         return at["e"] * (1 + at["beta"] * stretch**2)
+
+
+class PositionOnLoadWithPlay(PositionOnGuidedLoad):
+    """As `PositionOnGuidedLoad`, with a play b between the two masses.
+
+    The contact pushes by what δ = x_1 - x exceeds ±b/2, and damps in contact alone. A contact that
+    does not give (D = 0) has no play.
+    """
+
+    name = "position_on_load_with_play"
+    cause = "backlash"
+    generalises = ""
+    hides_motion = True
+    equation = "as `position_on_guided_load`, with e of what δ exceeds ±b/2"
+    source = "two masses with a dead zone; Nordin, Gutman (2002), Automatica 38(10), 1633-1649"
+    scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {
+            "gap": tuple(3e-4 * 1.25**i for i in range(13)),
+            "D": (0.0025, 0.005),
+            "s": (0.3, 0.5, 0.75),
+            "phi": (0.05, 0.4),
+            "zeta": (0.2, 0.7),
+        }
+    )
+    parameters = (
+        *PositionOnGuidedLoad.parameters,
+        Parameter(
+            "gap",
+            0.0,
+            "m",
+            lower=0.0,
+            upper=2e-2,
+            scale=2e-4,
+            null=0.0,
+            start=1e-3,
+            description="width b of the play, from contact to contact",
+            source="0.05-5 mm, engineering judgement for clevis pins and couplings",
+        ),
+    )
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start in contact on the side that pushes the load."""
+        F = entering["force"] + self._at_load(at)
+        gap = at["gap"] / 2 * at.direction
+        return {"e": F + gap / (_compliance(at) + LEAST_COMPLIANCE), "g": 0.0}
+
+    def _spring_force(self, at: Scope) -> Expression:
+        apart, _ = _apart(at)
+        play = within(apart, at["gap"] / 2)
+        return at["e"] - play / (_compliance(at) + LEAST_COMPLIANCE)
+
+    def _through(self, at: Scope) -> Expression:
+        apart, _ = _apart(at)
+        damped = 2 * at["zeta"] * at["g"] * touching(apart, at["gap"] / 2)
+        return self._spring_force(at) + damped
 
 
 def _times(at: Scope) -> tuple[Expression, Expression]:

@@ -3,16 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
-import casadi as ca
-
+from pneumo_casadi.effects.common.contact import within
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 #: Time in which the offset comes back to the edge of the play [s]: a stiff, damped contact.
 TAU_CONTACT = 1e-3
-#: Distance over which the contact sets in [m].
-EDGE = 3e-6
 
 
 class Backlash(Effect):
@@ -66,5 +63,4 @@ class Backlash(Effect):
 
     @staticmethod
     def _clipped(at: Scope) -> Expression:
-        e, half = at["offset"], at["gap"] / 2
-        return (ca.sqrt((e + half) ** 2 + EDGE**2) - ca.sqrt((e - half) ** 2 + EDGE**2)) / 2
+        return within(at["offset"], at["gap"] / 2)

@@ -1,0 +1,110 @@
+"""Backlash between piston and load, whose position is measured at the piston."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pneumo_casadi.effects.common.contact import touching, within
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression
+from pneumo_casadi.parameters import Parameter
+
+
+class BacklashBeforeLoad(Effect):
+    """A load m_2 that the piston, whose position is measured, pushes through a play.
+
+    With δ = x - x_2 and the play b the contact presses by what δ exceeds ±b/2; s(δ) is δ clipped to
+    the play, and ω = 2π f::
+
+        a_2 = ω² (δ - s(δ)) + 2 ζ ω δ̇ in contact, 0 within the play,   F = -m_2 a_2
+
+    The load flies across the play when the piston brakes. Beside it, M is what moves rigidly.
+    """
+
+    name = "backlash_before_load"
+    cause = "backlash"
+    equation = "m_2 ẍ_2 = m_2 ω² (δ − s(δ)) + 2 m_2 ζ ω δ̇ in contact = −F, δ = x − x_2, ω = 2π f"
+    source = "two masses with a dead zone; Nordin, Gutman (2002), Automatica 38(10), 1633-1649"
+    shows = "force balance: the load is missing while it crosses the play, after each braking"
+    confused_with = ("elastic_load", "M", "presliding", "stribeck")
+    separated_by = "reversals of several accelerations: the load crosses the play in less time"
+    hides_motion = True
+    passive = True
+    masses = ("m_2",)
+    scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
+        {
+            "m_2": tuple(0.5 * 2.5**i for i in range(6)),
+            "gap": tuple(4e-4 * 1.25**i for i in range(13)),
+            "f": (9.0, 16.0),
+        }
+    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "m_2",
+            0.0,
+            "kg",
+            lower=0.0,
+            upper=100.0,
+            scale=2.0,
+            null=0.0,
+            start=3.0,
+            description="mass beyond the play",
+            source="up to the payload of the axis",
+        ),
+        Parameter(
+            "gap",
+            1e-3,
+            "m",
+            lower=1e-5,
+            upper=2e-2,
+            scale=2e-4,
+            null=1e-3,
+            start=1e-3,
+            description="width b of the play, from contact to contact",
+            source="0.05-5 mm, engineering judgement for clevis pins and couplings",
+        ),
+        Parameter(
+            "f",
+            12.0,
+            "Hz",
+            lower=3.0,
+            upper=200.0,
+            scale=10.0,
+            null=12.0,
+            start=12.0,
+            description="natural frequency of the load in contact with the held piston",
+            source="20-100 Hz for pins and couplings that carry a payload, judgement",
+        ),
+        Parameter(
+            "zeta",
+            1.0,
+            "1",
+            lower=0.01,
+            upper=3.0,
+            scale=0.1,
+            null=1.0,
+            start=1.0,
+            description="damping ratio of the load in contact",
+            source="a bounce returns with a half to three quarters of the speed",
+        ),
+    )
+    states = (State("x_2", "m", 0.1), State("v_2", "m/s", 0.5))
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start with the load moving as the piston does, pushed by it."""
+        return {"x_2": at.x - at["gap"] / 2 * at.direction, "v_2": at.v}
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Accelerate the load by the contact."""
+        return {"x_2": at["v_2"], "v_2": self._acceleration(at)}
+
+    def force(self, F: Expression, at: Scope) -> Expression:
+        """Subtract what accelerates the load."""
+        return F - at["m_2"] * self._acceleration(at)
+
+    def _acceleration(self, at: Scope) -> Expression:
+        omega, apart, half = 2 * np.pi * at["f"], at.x - at["x_2"], at["gap"] / 2
+        damped = 2 * at["zeta"] * omega * (at.v - at["v_2"]) * touching(apart, half)
+        return omega**2 * (apart - within(apart, half)) + damped
