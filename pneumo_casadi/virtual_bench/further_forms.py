@@ -6,6 +6,7 @@ Nature keeps no catalogue: a diagnosis must name a cause in any of these forms.
 from dataclasses import replace
 
 from pneumo_casadi.virtual_bench.chambers_and_sensors import (
+    BACKLASH,
     HEAT_TRANSFER,
     LEAKAGE_N,
     LEAKAGE_P,
@@ -57,7 +58,30 @@ _HOSE_SIZES = (
 )
 _HOSE_EQUATION = "V/(r T) ṗ_h = q_valve(u, p_h) − q_h, q_h of ISO 6358 between p_h and p; {} shown"
 
+_TWO_MASSES = EffectForm(
+    "backlash_two_masses",
+    "m_2 ẍ_2 = max(m_2 ω² (δ − b/2) + 2 m_2 ζ ω δ̇, 0) for δ = x − x_2 > b/2, likewise backward",
+    (
+        Size("gap", "m", (5e-4, 1.5e-3, 4e-3), description="b, from contact to contact"),
+        Size("m_2", "kg", (0.3, 0.3, 0.3), "M", description="mass beyond the play, of M"),
+        Size("f", "Hz", (40.0, 40.0, 40.0), description="its frequency in contact"),
+        Size("zeta", "1", (0.15, 0.15, 0.15), description="its damping ratio in contact"),
+    ),
+    note="the load is missing while it crosses the play",
+    cause=BACKLASH.name,
+    kernel="coupling",
+    constants={"measured": 0.0},
+    strength=("gap",),
+)
+
 FORMS = (
+    _TWO_MASSES,
+    replace(
+        _TWO_MASSES,
+        name="backlash_two_masses_measured",
+        equation="as backlash_two_masses; the position sensor is at x_2",
+        constants={"measured": 1.0},
+    ),
     replace(
         _form(STRIBECK, "gaussian", "ΔF exp(−(v/v_s)²) sign v, set-valued"),
         sizes=_with_exponent(2.0),

@@ -119,7 +119,7 @@ def extend_by_simulation(
         alone = _hiding(ledger, first)
         first = alone if alone in ledger.fits else first
     grown = _grown(ledger, nominal, first, levels, max_effects)
-    if len(grown) == 1 or ledger.trials[grown[-1]][1] > ledger.trials[path[-1]][1]:
+    if grown[-1] == path[-1] or ledger.trials[grown[-1]][1] > ledger.trials[path[-1]][1]:
         _take_refined(ledger, nominal, path[-1])
         return path
     ledger.take(grown[-1])
@@ -207,12 +207,13 @@ def _closes_more(left: float, before: float, criteria: Criteria) -> bool:
 
 
 def _without_needless(ledger: FitLedger, nominal: FittedModel, path: tuple[Names, ...]) -> Names:
-    """Return the first effect alone if it hides the motion, and others were added in vain."""
-    names, first = path[-1], path[0]
-    if first != _hiding(ledger, names):
+    """Return the effect that hides the motion alone if the others were added in vain."""
+    names = path[-1]
+    alone = _hiding(ledger, names)
+    if alone == names or alone not in ledger.fits:
         return names
-    refine_all(ledger, nominal, {first: ledger.fits[first]})
-    return names if _is_needed(ledger, nominal, first, names) else first
+    refine_all(ledger, nominal, {alone: ledger.fits[alone]})
+    return names if _is_needed(ledger, nominal, alone, names) else alone
 
 
 def _hiding(ledger: FitLedger, names: Names) -> Names:

@@ -6,6 +6,8 @@ import casadi as ca
 
 #: Distance over which a contact sets in [m].
 EDGE = 3e-6
+#: Plays that a fit tells from a joint that gives [m].
+CREDIBLE_PLAY = {"gap": (1e-4, 2e-2)}
 
 
 def within(e: Any, half: Any) -> Any:

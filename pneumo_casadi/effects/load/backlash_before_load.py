@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pneumo_casadi.effects.common.contact import touching, within
+from pneumo_casadi.effects.common.contact import CREDIBLE_PLAY, touching, within
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
@@ -33,6 +33,7 @@ class BacklashBeforeLoad(Effect):
     hides_motion = True
     passive = True
     masses = ("m_2",)
+    credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(CREDIBLE_PLAY)
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
             "m_2": tuple(0.5 * 2.5**i for i in range(6)),
@@ -69,7 +70,7 @@ class BacklashBeforeLoad(Effect):
             "f",
             12.0,
             "Hz",
-            lower=3.0,
+            lower=8.0,
             upper=200.0,
             scale=10.0,
             null=12.0,

@@ -1,12 +1,13 @@
 """Elastic load whose position is measured: the piston moves before it, on a spring and a damper."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 import casadi as ca
 
-from pneumo_casadi.effects.common.contact import touching, within
+from pneumo_casadi.effects.common.contact import CREDIBLE_PLAY, touching, within
 from pneumo_casadi.effects.common.progression import PROGRESSION, PROGRESSIONS
 from pneumo_casadi.effects.common.regular_lag import numerator
 from pneumo_casadi.model.effect import Effect, Scope, State
@@ -220,6 +221,7 @@ class PositionOnLoadWithPlay(PositionOnGuidedLoad):
     cause = "backlash"
     generalises = ""
     hides_motion = True
+    credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(CREDIBLE_PLAY)
     equation = "as `position_on_guided_load`, with e of what δ exceeds ±b/2"
     source = "two masses with a dead zone; Nordin, Gutman (2002), Automatica 38(10), 1633-1649"
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
@@ -232,7 +234,13 @@ class PositionOnLoadWithPlay(PositionOnGuidedLoad):
         }
     )
     parameters = (
-        *PositionOnGuidedLoad.parameters,
+        replace(
+            PositionOnGuidedLoad.parameters[0],
+            upper=6e-3,
+            start=3e-3,
+            source="contacts, over 26 Hz",
+        ),
+        *PositionOnGuidedLoad.parameters[1:],
         Parameter(
             "gap",
             0.0,

@@ -27,8 +27,10 @@ IN_MASS, IN_ENERGY, LOST_WORK, LOST_IMPACT = 33, 34, 35, 36
 WALL_P, WALL_N = 37, 38
 #: Film of lubricant under the seals, 1 where it takes friction down to 1/e.
 FILM = 39
+#: Mass beyond a play [m, m/s].
+X_3, V_3 = 40, 41
 #: Number of all these.
-SIZE = 40
+SIZE = 42
 
 #: What the piston does: moves down or up, is held at rest, or moves on bristles.
 DOWN, HELD, UP, FREE = -1, 0, 1, 2

@@ -5,7 +5,17 @@ from typing import Any
 
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.virtual_bench.kernels.jit import kernel
-from pneumo_casadi.virtual_bench.kernels.layout import BRISTLES, FILM, FREE, V_2, X_2, V, X
+from pneumo_casadi.virtual_bench.kernels.layout import (
+    BRISTLES,
+    FILM,
+    FREE,
+    V_2,
+    V_3,
+    X_2,
+    X_3,
+    V,
+    X,
+)
 
 #: [m/s²].
 STANDARD_GRAVITY = 9.80665
@@ -26,6 +36,18 @@ def load_acceleration(y: FloatArray, par: Any) -> Any:
 
 
 @kernel
+def pushed_acceleration(y: FloatArray, par: Any) -> Any:
+    """Return the acceleration of the mass beyond a play, which the piston pushes only [m/s²]."""
+    omega, half = 2.0 * pi * par.coupling_f, par.coupling_gap / 2.0
+    apart, damped = y[X] - y[X_3], 2.0 * par.coupling_zeta * omega * (y[V] - y[V_3])
+    if apart > half:
+        return max(omega**2 * (apart - half) + damped, 0.0)
+    if apart < -half:
+        return min(omega**2 * (apart + half) + damped, 0.0)
+    return 0.0
+
+
+@kernel
 def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> Any:
     """Return all force on the piston but Coulomb friction [N], and its part from gas pressure."""
     x, v = y[X], y[V]
@@ -43,6 +65,8 @@ def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> 
             F -= par.spring_load_k * x * (1.0 + par.spring_load_hardening * (x / par.half) ** 2)
     if par.elastic_load_m_2 > 0.0:
         F -= par.elastic_load_m_2 * load_acceleration(y, par)
+    if par.coupling_m_2 > 0.0:
+        F -= par.coupling_m_2 * pushed_acceleration(y, par)
     if par.cogging_A > 0.0:
         F += par.cogging_A * sin(2.0 * pi * x / par.cogging_pitch)
     if par.vibration_A > 0.0:
@@ -54,13 +78,16 @@ def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> 
 
 @kernel
 def piston_mass(par: Any) -> Any:
-    """Return the mass that moves rigidly with the piston [kg]."""
-    return par.M - par.elastic_load_m_2
+    """Return the mass that moves rigidly with the piston [kg]: a tenth of all at least."""
+    return max(par.M - par.elastic_load_m_2 - par.coupling_m_2, 0.1 * par.M)
 
 
 @kernel
 def load_rates(y: FloatArray, dy: FloatArray, par: Any) -> None:
-    """Fill the rates of the second mass."""
+    """Fill the rates of the masses beyond a spring and beyond a play."""
+    if par.coupling_m_2 > 0.0:
+        dy[X_3] = y[V_3]
+        dy[V_3] = pushed_acceleration(y, par)
     if par.elastic_load_m_2 > 0.0:
         dy[X_2] = y[V_2]
         dy[V_2] = load_acceleration(y, par)

@@ -26,6 +26,7 @@ from pneumo_casadi.virtual_bench.kernels.layout import (
     TAP_N,
     TAP_P,
     X_2,
+    X_3,
     V,
     X,
 )
@@ -38,7 +39,7 @@ from pneumo_casadi.virtual_bench.kernels.valve import spool_targets
 def initial_state(x: float, p_P: float, p_N: float, par: Any) -> Any:
     """Return the state (SIZE,) at rest at x [m] with the chambers at p_P and p_N [Pa]."""
     y = np.zeros(SIZE)
-    y[X], y[X_2] = x, x
+    y[X], y[X_2], y[X_3] = x, x, x
     y[GAS_P], y[GAS_N] = p_P, p_N
     if par.heat_transfer_tau > 0.0:
         V_P, V_N = volumes(y, par)

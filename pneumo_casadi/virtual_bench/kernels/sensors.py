@@ -6,7 +6,7 @@ from typing import Any
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.virtual_bench.kernels.gas import gas_states
 from pneumo_casadi.virtual_bench.kernels.jit import kernel
-from pneumo_casadi.virtual_bench.kernels.layout import LINE_N, LINE_P, TAP_N, TAP_P, X_2, X
+from pneumo_casadi.virtual_bench.kernels.layout import LINE_N, LINE_P, TAP_N, TAP_P, X_2, X_3, X
 
 #: Slots of a sensor's memory: carriage of the position sensor [m], then for the channels P, N
 #: and x the input of the filter and the outputs of its two stages.
@@ -36,6 +36,8 @@ def sensor_values(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray,
     p_P, p_N = p_P - cross, p_N + cross
     half = par.backlash_gap / 2.0
     at = y[X_2] if par.elastic_load_m_2 > 0.0 and par.elastic_load_measured > 0.0 else y[X]
+    if par.coupling_m_2 > 0.0 and par.coupling_measured > 0.0:
+        at = y[X_3]
     memory[CARRIAGE] = min(max(memory[CARRIAGE], at - half), at + half)
     x = memory[CARRIAGE]
     if par.position_nonlinearity_A > 0.0:
