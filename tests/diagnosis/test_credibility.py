@@ -12,7 +12,8 @@ from pneumo_casadi.diagnosis.decide.decision import decide_verdict
 from pneumo_casadi.diagnosis.decide.judgement import Judgement
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare import fitted_model
-from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model, require_credible
+from pneumo_casadi.diagnosis.prepare.credible import require_credible
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error import true_motion
@@ -50,28 +51,53 @@ def test_a_fit_that_runs_away_in_records_held_out_is_none(sound_study, monkeypat
         fit_model(sound_study, ())
 
 
+def a_study(sampling_interval=1e-3, M=10.0):
+    """A study as far as `require_credible` looks at it."""
+    axis = SimpleNamespace(parameters={"M": SimpleNamespace(value=M)})
+    return SimpleNamespace(
+        sampling_interval=sampling_interval,
+        axis=axis,
+        anchor=None,
+        anchor_with=lambda effects: None,
+    )
+
+
+@pytest.mark.parametrize(("M", "m_2", "refused"), [(0.5, 0.0, True), (0.5, 8.0, False)])
+def test_friction_that_cancels_the_force_is_no_explanation(M, m_2, refused):
+    """Both sides of the balance vanish then, and with them its residual; a load has mass too."""
+    names = ("pressure_friction_per_seal", "elastic_load")
+    values = {"M": M, "elastic_load.m_2": m_2}
+    effects = tuple(EFFECTS[name]() for name in names)
+    if refused:
+        with pytest.raises(FitError, match=r"M = 0\.5 kg is not credible beside 10 kg"):
+            require_credible(a_study(), effects, values)
+    else:
+        require_credible(a_study(), effects, values)
+    require_credible(a_study(), (), values)  # what the nominal model has lost, checks tell
+
+
 @pytest.mark.parametrize(("tau", "dt", "refused"), [(7e-4, 1e-3, True), (7e-4, 2e-4, False)])
 def test_a_delay_of_the_command_below_the_sampling_interval_is_that_of_the_log(tau, dt, refused):
-    study = SimpleNamespace(sampling_interval=dt, anchor=None, anchor_with=lambda effects: None)
-    fitted = SimpleNamespace(values={"valve_dynamics.tau": tau})
+    study = a_study(dt)
+    fitted = SimpleNamespace(values={"M": 10.0, "valve_dynamics.tau": tau})
     effects = (EFFECTS["valve_dynamics"](),)
     if refused:
         with pytest.raises(FitError, match=r"valve_dynamics.tau = 0.0007 s .* interval of 0.001 s"):
-            require_credible(study, effects, fitted)
+            require_credible(study, effects, fitted.values)
     else:
-        require_credible(study, effects, fitted)
+        require_credible(study, effects, fitted.values)
 
 
 def test_one_valve_may_be_too_fast_to_be_told_from_none_if_the_other_is_slow():
-    study = SimpleNamespace(sampling_interval=1e-3, anchor=None, anchor_with=lambda effects: None)
+    study = a_study()
     effects, name = (EFFECTS["valve_dynamics_per_valve"](),), "valve_dynamics_per_valve"
     for tau_P, refused in ((8e-3, False), (3e-4, True)):
-        fitted = SimpleNamespace(values={f"{name}.tau_P": tau_P, f"{name}.tau_N": 1e-5})
+        fitted = SimpleNamespace(values={"M": 10.0, f"{name}.tau_P": tau_P, f"{name}.tau_N": 1e-5})
         if refused:
             with pytest.raises(FitError, match=f"{name}.tau_P = 0.0003 s"):
-                require_credible(study, effects, fitted)
+                require_credible(study, effects, fitted.values)
         else:
-            require_credible(study, effects, fitted)
+            require_credible(study, effects, fitted.values)
 
 
 @pytest.mark.slow

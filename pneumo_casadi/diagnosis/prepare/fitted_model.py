@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneumo_casadi.diagnosis.prepare.credible import require_credible
 from pneumo_casadi.diagnosis.prepare.starting_values import (
     cheapest,
     lightened,
@@ -21,7 +22,6 @@ from pneumo_casadi.estimation.equation_error.fit import (
     default_residual_floor,
     fit_equation_error,
 )
-from pneumo_casadi.estimation.output_error.result import flow_map_deviation
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
@@ -34,9 +34,6 @@ MIN_GAIN = 1.0
 LARGER_STARTS = (10.0, 100.0, 1000.0)
 #: How often the stairs of an effect are looked for, each time beside parameters that fit better.
 MAX_CLIMBS = 4
-#: Least delay of the command that is a valve's [s]: the fastest spools of data sheets have 400 Hz.
-#: A shorter one is of sampling: records of 1 and 5 kHz without valve dynamics gave 0.15 to 0.29 ms.
-LEAST_COMMAND_DELAY = 5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +121,7 @@ def fit_model(
     if not np.isfinite(fitted.cost):
         raise FitError("with the parameters fitted, the effect runs away in records held out")
     if credible and not fitted.pace:  # one cut short may pass through what is not credible
-        require_credible(study, effects, fitted)
+        require_credible(study, effects, fitted.values)
     return fitted
 
 
@@ -215,50 +212,10 @@ def _better(
     if candidate.cost >= fitted.cost - gain:
         return fitted
     try:
-        require_credible(study, effects, candidate)
+        require_credible(study, effects, candidate.values)
     except FitError:
         return fitted
     return candidate
-
-
-def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedModel) -> None:
-    """Reject a valve shape that the metered map contradicts, and values out of range.
-
-    A delay of the command is told from the clock of the log only if it is longer than the time
-    between two samples: where a controller runs faster, the log has held its commands for half. Of
-    several, one a valve, the longest counts.
-
-    Raises
-    ------
-    FitError
-        Naming the parameter and what is known of it.
-    """
-    for effect in effects:
-        for name, (low, high) in effect.credible.items():
-            value = fitted.values[f"{effect.name}.{name}"]
-            if not low <= value <= high:
-                raise FitError(
-                    f"{effect.name}.{name} = {value:.3g} is not credible, by physics it is "
-                    f"{low:g} to {high:g}: another effect acts"
-                )
-        delays = {name: fitted.values[f"{effect.name}.{name}"] for name in effect.command_delays}
-        name, least = max(delays, key=lambda n: delays[n], default=""), study.sampling_interval
-        if delays and delays[name] < max(least, LEAST_COMMAND_DELAY):
-            raise FitError(
-                f"{effect.name}.{name} = {delays[name]:.3g} s is not credible, it is less than "
-                f"{LEAST_COMMAND_DELAY:g} s or the sampling interval of {least:.3g} s and may be a "
-                "delay of the log"
-            )
-    known = study.anchor_with(effects)
-    if known is None or known is study.anchor:
-        return
-    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
-    deviation = flow_map_deviation(known, axis)
-    if deviation is not None and deviation.rms > study.criteria.map_ratio:
-        raise FitError(
-            f"the metered flow map contradicts it: with the shape that the motion asks for, its "
-            f"residuals are {deviation.rms:.1f} times those of its own fit"
-        )
 
 
 def _cost(fitted: FittedModel) -> float:

@@ -9,13 +9,13 @@ from typing import Any
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW, simulate_fit
 from pneumo_casadi.diagnosis.metrics.simulations import Simulations
 from pneumo_casadi.diagnosis.prepare.begun_jobs import BegunJobs
+from pneumo_casadi.diagnosis.prepare.credible import require_credible
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import (
     FAULTS,
     FittedModel,
     fit_model,
     refine_model,
-    require_credible,
 )
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
@@ -210,7 +210,7 @@ class FitLedger:
     def _require_credible(self, key: Names, fitted: FittedModel) -> None:
         """Reject a fit that is not credible; `fit_model` has not asked it of one cut short."""
         if fitted.pace:
-            require_credible(self.study, self.effects(key), fitted)
+            require_credible(self.study, self.effects(key), fitted.values)
 
     def _begin(
         self,

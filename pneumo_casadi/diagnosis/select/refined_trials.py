@@ -6,7 +6,8 @@ from concurrent.futures import Future
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.simulated_fit import Simulated, simulate_fit
-from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS, FittedModel, require_credible
+from pneumo_casadi.diagnosis.prepare.credible import require_credible
+from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS, FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.output_error_refinement import (
@@ -78,5 +79,5 @@ def _refine_and_simulate(
     study: Study, start: FittedModel, effects: Sequence[Effect], iterations: int
 ) -> tuple[FittedModel, Simulated]:
     better = refine_by_output_error(study, start, effects, iterations)
-    require_credible(study, effects, better)
+    require_credible(study, effects, better.values)
     return better, simulate_fit(study, better, effects)
