@@ -144,11 +144,22 @@ def anchor_to_flow_map(
     e_all, J_all = point.map(n)(*rows, ca.repmat(coefficients, 1, n))
     J = ca.reshape(J_all, len(names), n).T
     scatter = ca.Function("map_residual", [coefficients], [e_all.T, J])
-    if accuracy is None:
-        return Anchor(scatter, names, fitted, scatter=scatter)
-    measured = table.q_m / (flow.sigma if sigma is None else sigma)
-    residual = _with_free_scale(scatter, measured, accuracy)
-    return Anchor(residual, names, fitted, n_prior=1, scatter=scatter)
+    anchor = Anchor(scatter, names, fitted, scatter=scatter)
+    if accuracy is not None:
+        measured = table.q_m / (flow.sigma if sigma is None else sigma)
+        residual = _with_free_scale(scatter, measured, accuracy)
+        anchor = Anchor(residual, names, fitted, n_prior=1, scatter=scatter)
+    return _with_own_prior(anchor, flow)
+
+
+def _with_own_prior(anchor: Anchor, flow: Any) -> Anchor:
+    """Add what a form knows of its coefficients beside the map, if it states such knowledge."""
+    known: dict[str, float] = getattr(flow, "prior_std", {})
+    if not known:
+        return anchor
+    values = flow.parameters.as_dict()
+    mean, std = (np.array([of[name] for name in known]) for of in (values, known))
+    return join_anchors([anchor, prior(tuple(known), mean, std)])
 
 
 def _with_free_scale(scatter: ca.Function, measured: FloatArray, accuracy: float) -> ca.Function:

@@ -1,6 +1,5 @@
 """A three-way valve of two ISO 6358 restrictions: supply to outlet and outlet to exhaust."""
 
-import logging
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple
@@ -17,14 +16,14 @@ from pneumo_casadi.valve.opening import (
     SIDES,
     SUPPLY_RATIO,
     conductance,
+    known_before,
+    reach_of,
 )
 from pneumo_casadi.valve.orifice import (
     LAMINAR_RATIO,
     T_ANR,
     orifice_expression,
 )
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -47,7 +46,7 @@ class FlowISO6358(Brief):
         at which the edge opens u_0 [V] (positive: overlap, negative: underlap), clearance
         rounding w [V], saturation h [1/V], leakage C_leak [m³/(s Pa)], critical ratio b [1];
         and the subsonic index m [1] of both. A curve has in place of k and h the gains
-        k_1 … k_5 at openings of 0, 5, 15, 40 and 100 % of the largest command metered, between
+        k_1 … k_5 at openings of 0, 5, 15, 40 and 100 % of the largest command of its sign, between
         which its slope is linear; and the ratio of the supply pressure to the stated one,
         ``supply_ratio``.
     covariance : (n, n) array
@@ -129,7 +128,7 @@ class FlowISO6358(Brief):
 
     @property
     def _kind(self) -> "_Kind":
-        reach = float(max(np.abs(self.u_range)))
+        reach = reach_of(self.u_range)
         return _Kind(self.parameters.names, reach, self.T, self.laminar_ratio)
 
     @property
@@ -138,6 +137,15 @@ class FlowISO6358(Brief):
         conductance = [name.startswith(("k_", "C_leak_")) for name in self.parameters.names]
         direction = np.where(conductance, self.parameters.values, 0.0)
         return scale_sigma(direction, self.covariance, self.parameters.scales)
+
+    @property
+    def prior_std(self) -> dict[str, float]:
+        """Standard deviations of what is known of parameters beside the map, about their values.
+
+        Of the slopes of a curve, which are like those of the hyperbola where few commands tell
+        them, and of the supply pressure.
+        """
+        return known_before(self.parameters)
 
     @property
     def at_bound(self) -> tuple[str, ...]:
@@ -150,7 +158,7 @@ class _Kind(NamedTuple):
     """What tells the function of one valve from that of another."""
 
     names: tuple[str, ...]
-    reach: float
+    reach: tuple[float, float]
     T: float
     laminar_ratio: float
 
@@ -162,8 +170,8 @@ def _law(kind: _Kind) -> ca.Function:
     theta = ca.SX.sym("theta", len(kind.names))
     at = dict(zip(kind.names, ca.vertsplit(theta), strict=True))
     C_s, C_e = (
-        conductance(kind.names, side, kind.reach)(at, command)
-        for side, command in zip(SIDES, (u, -u), strict=True)
+        conductance(kind.names, side, reach)(at, command)
+        for side, reach, command in zip(SIDES, kind.reach, (u, -u), strict=True)
     )
     law = {"T": kind.T, "laminar_ratio": kind.laminar_ratio}
     supply = p_supply * at[SUPPLY_RATIO] if SUPPLY_RATIO in at else p_supply

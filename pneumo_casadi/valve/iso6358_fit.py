@@ -10,18 +10,20 @@ from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.iso6358 import FlowISO6358
 from pneumo_casadi.valve.opening import (
-    LIKE_HYPERBOLA,
-    MANOMETER,
     SIDES,
-    SUPPLY_RATIO,
     curve_parameters,
     hyperbola_parameters,
+    known_before,
+    reach_of,
     subsonic_index,
     supply_ratio,
 )
 from pneumo_casadi.valve.orifice import LAMINAR_RATIO, RHO_ANR, T_ANR, bounded_least_squares
 
 logger = logging.getLogger(__name__)
+
+#: What a message adds where the openings are curves.
+CURVED = " with curved openings (form iso6358 has fewer)"
 
 
 def fit_iso6358(
@@ -89,13 +91,15 @@ def fit_iso6358_curve(
     the stated one by as much as manometers do.
     """
     hyperbola = fit_iso6358(table, T=T, laminar_ratio=laminar_ratio, start=start)
-    at, reach = hyperbola.parameters.as_dict(), float(max(np.abs(table.u_range)))
-    edges = [item for side in SIDES for item in curve_parameters(at, side, reach)]
+    at, reaches = hyperbola.parameters.as_dict(), reach_of(table.u_range)
+    edges = [
+        item
+        for side, reach in zip(SIDES, reaches, strict=True)
+        for item in curve_parameters(at, side, reach)
+    ]
     guess = Parameters([*edges, subsonic_index(at["m"]), supply_ratio()])
-    spread = np.full(len(guess), np.inf)
-    slopes = [name.startswith("k_") for name in guess.names]
-    spread[slopes] = LIKE_HYPERBOLA * guess.scales[slopes]
-    spread[guess.index(SUPPLY_RATIO)] = MANOMETER
+    known = known_before(guess)
+    spread = np.array([known.get(name, np.inf) for name in guess.names])
     return _fitted(table, guess, T, laminar_ratio, hyperbola.sigma / spread)
 
 
@@ -125,8 +129,8 @@ def _fitted(
     assert table.p_supply is not None and table.p_ext is not None
     if table.u.size <= len(guess):
         raise CaseError(
-            f"{table.source}: {table.u.size} points for the {len(guess)} parameters of ISO 6358; "
-            "meter more commands and pressures"
+            f"{table.source}: {table.u.size} points for the {len(guess)} parameters of ISO 6358"
+            f"{CURVED if known is not None else ''}; meter more commands and pressures"
         )
     shape = np.zeros((len(guess), len(guess)))
     supply = float(np.mean(table.p_supply))

@@ -17,7 +17,7 @@ import numpy as np
 from pneumo_casadi.parameters import Parameter, Parameters
 
 SOURCE = "ISO 6358-1:2013"
-#: Openings at which a curve states its slope, as shares of the largest command metered: closer
+#: Openings at which a curve states its slope, as shares of the largest command of its sign: closer
 #: where an edge begins to open, for there an axis works and there ports have their shape.
 KNOTS = (0.0, 0.05, 0.15, 0.4, 1.0)
 
@@ -29,6 +29,13 @@ LIKE_HYPERBOLA = 0.5
 #: class 1 to 1.6. Near the supply pressure the flow is steep, and half a per cent shows.
 SUPPLY_RATIO, MANOMETER = "supply_ratio", 0.01
 SIDES = ("supply", "exhaust")
+
+
+def reach_of(u_range: tuple[float, float]) -> tuple[float, float]:
+    """Return the largest command metered of each edge [V]; of both if one edge has none."""
+    largest = max(abs(u_range[0]), abs(u_range[1]))
+    supply, exhaust = (float(u) if u > 0 else float(largest) for u in (u_range[1], -u_range[0]))
+    return supply, exhaust
 
 
 def known_laws() -> tuple[frozenset[str], frozenset[str]]:
@@ -52,7 +59,7 @@ def conductance(names: tuple[str, ...], side: str, reach: float) -> Any:
     side : str
         ``supply`` or ``exhaust``.
     reach : float
-        Largest command metered [V].
+        Largest command metered of its sign [V].
     """
     if _slope(1, side) in names:
         knots = [share * reach for share in KNOTS]
@@ -95,6 +102,13 @@ def curve_parameters(hyperbola: Mapping[str, float], side: str, reach: float) ->
     clearance = Parameters(_clearance(side, mean, reach))
     begun = clearance.with_values({name: hyperbola[name] for name in clearance.names})
     return [*slopes, *begun]
+
+
+def known_before(parameters: Parameters) -> dict[str, float]:
+    """Return the standard deviations of what is known of a curve's parameters before any map."""
+    slopes = {_slope(j, side) for j in range(1, len(KNOTS) + 1) for side in SIDES}
+    std = {item.name: LIKE_HYPERBOLA * item.scale for item in parameters if item.name in slopes}
+    return std | ({SUPPLY_RATIO: MANOMETER} if SUPPLY_RATIO in parameters else {})
 
 
 def subsonic_index(m: float) -> Parameter:

@@ -53,7 +53,7 @@ def test_a_fit_that_runs_away_in_records_held_out_is_none(sound_study, monkeypat
 
 def a_study(sampling_interval=1e-3, M=10.0):
     """A study as far as `require_credible` looks at it."""
-    axis = SimpleNamespace(parameters={"M": SimpleNamespace(value=M)})
+    axis = SimpleNamespace(bench=SimpleNamespace(datasheet={} if M is None else {"M_kg": M}))
     return SimpleNamespace(
         sampling_interval=sampling_interval,
         axis=axis,
@@ -69,10 +69,11 @@ def test_friction_that_cancels_the_force_is_no_explanation(M, m_2, refused):
     values = {"M": M, "elastic_load.m_2": m_2}
     effects = tuple(EFFECTS[name]() for name in names)
     if refused:
-        with pytest.raises(FitError, match=r"M = 0\.5 kg is not credible beside 10 kg"):
+        with pytest.raises(FitError, match=r"M = 0\.5 kg is not credible beside the 10 kg"):
             require_credible(a_study(), effects, values)
     else:
         require_credible(a_study(), effects, values)
+    require_credible(a_study(M=None), effects, values)  # nothing is known of the mass
     require_credible(a_study(), (), values)  # what the nominal model has lost, checks tell
 
 

@@ -42,6 +42,6 @@ def test_sizes_come_out_right_of_records_of_another_law(name, made_case):
     study, _ = prepare_study(made_case(12, **{ON_THE_BENCH.get(name, name): quantities}))
     nominal = fit_model(study, ())
     fitted = fit_model(study, (EFFECTS[name](),), nominal.values)
-    assert nominal.cost - fitted.cost > 100
+    assert nominal.cost - fitted.cost > (100 if name == "backlash_before_load" else 200)
     for short, (value, tolerance) in expected.items():
         assert fitted.values[f"{name}.{short}"] == pytest.approx(value, abs=tolerance), short

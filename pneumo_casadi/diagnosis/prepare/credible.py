@@ -15,17 +15,21 @@ LEAST_MASS = 0.1
 
 
 def _require_mass(study: Study, effects: Sequence[Effect], values: Mapping[str, float]) -> None:
-    """Reject a model that has all but lost its mass: friction that cancels the force explains all.
+    """Reject a model that has all but lost the mass of the data sheet.
 
-    Both sides of the force balance then vanish, and its residual with them.
+    Friction that cancels the force explains nothing: both sides of the force balance vanish, and
+    its residual with them.
     """
+    stated = study.axis.bench.datasheet.get("M_kg")
+    if not stated:
+        return
     own = [values[f"{effect.name}.{short}"] for effect in effects for short in effect.masses]
-    M, stated = values["M"] + sum(own), study.axis.parameters["M"].value
+    M = values["M"] + sum(own)
     if effects and LEAST_MASS * stated > M:
         names = " + ".join(effect.name for effect in effects)
         raise FitError(
-            f"{names}: M = {M:.3g} kg is not credible beside {stated:.3g} kg, the force balance "
-            "vanishes: another effect acts"
+            f"{names}: M = {M:.3g} kg is not credible beside the {stated:.3g} kg of the data "
+            "sheet, the force balance vanishes: another effect acts"
         )
 
 

@@ -119,7 +119,9 @@ def extend_by_simulation(
         alone = _hiding(ledger, first)
         first = alone if alone in ledger.fits else first
     grown = _grown(ledger, nominal, first, levels, max_effects)
-    if grown[-1] == path[-1] or ledger.trials[grown[-1]][1] > ledger.trials[path[-1]][1]:
+    left = ledger.trials[grown[-1]][1]
+    # One that could not be refined leaves an infinite share.
+    if grown[-1] == path[-1] or not left < 1.0 or left > ledger.trials[path[-1]][1]:
         _take_refined(ledger, nominal, path[-1])
         return path
     ledger.take(grown[-1])

@@ -111,7 +111,7 @@ def map_form_texts(misfit: float) -> Texts:
     return (
         f"{text} that is smooth in pressure.",
         f"{text} that is smooth in pressure: the opening is not in proportion to the command (a "
-        "notched or rounded edge); take a spline for the map.",
+        "notched or rounded edge); take iso6358_curve or a spline for the map.",
     )
 
 

@@ -4,10 +4,25 @@ from typing import Any
 
 import casadi as ca
 
+from pneumo_casadi.parameters import Parameter
+
 #: Distance over which a contact sets in [m].
 EDGE = 3e-6
 #: Plays that a fit tells from a joint that gives [m].
 CREDIBLE_PLAY = {"gap": (1e-4, 2e-2)}
+#: What both forms of a play between two masses have.
+PLAY = Parameter(
+    "gap",
+    0.0,
+    "m",
+    lower=0.0,
+    upper=2e-2,
+    scale=2e-4,
+    null=0.0,
+    start=1e-3,
+    description="width b of the play, from contact to contact",
+    source="0.1-5 mm, engineering judgement for clevis pins and couplings",
+)
 
 
 def within(e: Any, half: Any) -> Any:

@@ -1,12 +1,13 @@
 """Backlash between piston and load, whose position is measured at the piston."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 
-from pneumo_casadi.effects.common.contact import CREDIBLE_PLAY, touching, within
+from pneumo_casadi.effects.common.contact import CREDIBLE_PLAY, PLAY, touching, within
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
@@ -32,7 +33,7 @@ class BacklashBeforeLoad(Effect):
     shows = "force balance: the load is missing while it crosses the play, after each braking"
     confused_with = ("elastic_load", "M", "presliding", "stribeck")
     separated_by = "reversals of several accelerations: the load crosses the play in less time"
-    hides_motion = True
+    hides_motion = True  # that of the load; what the contact does is faster than the balances tell
     passive = True
     masses = ("m_2",)
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(CREDIBLE_PLAY)
@@ -56,18 +57,7 @@ class BacklashBeforeLoad(Effect):
             description="mass beyond the play",
             source="up to the payload of the axis",
         ),
-        Parameter(
-            "gap",
-            1e-3,
-            "m",
-            lower=1e-5,
-            upper=2e-2,
-            scale=2e-4,
-            null=1e-3,
-            start=1e-3,
-            description="width b of the play, from contact to contact",
-            source="0.05-5 mm, engineering judgement for clevis pins and couplings",
-        ),
+        replace(PLAY, value=1e-3, lower=1e-5, null=1e-3),  # at m_2 = 0 it does not matter
         Parameter(
             "f",
             12.0,

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
-from pneumo_casadi.effects.common.contact import CREDIBLE_PLAY, touching, within
+from pneumo_casadi.effects.common.contact import CREDIBLE_PLAY, PLAY, touching, within
 from pneumo_casadi.effects.common.progression import PROGRESSION, PROGRESSIONS
 from pneumo_casadi.effects.common.regular_lag import numerator
 from pneumo_casadi.model.effect import Effect, Scope, State
@@ -44,7 +44,14 @@ class PositionOnElasticLoad(Effect):
     equation = "M ẍ = e + 2ζDė, D²ë + 2ζDė + e = F; the piston is at x + D² e/((1 − s) M)"
     source = "two-mass oscillator, Den Hartog (1956), Mechanical Vibrations, ch. 3"
     shows = "all balances, in one band of frequencies: the piston is not where the load is"
-    confused_with = ("elastic_load", "position_delay", "backlash", "X_s2", "X_s5", "M")
+    confused_with: ClassVar[tuple[str, ...]] = (
+        "elastic_load",
+        "position_delay",
+        "backlash",
+        "X_s2",
+        "X_s5",
+        "M",
+    )
     separated_by = "a second position sensor at the piston; reversals at several accelerations"
     through_states = True
     # Between 70 and 5 Hz in steps of 15 %: wider steps miss the resonance of a light damping. A
@@ -224,6 +231,9 @@ class PositionOnLoadWithPlay(PositionOnGuidedLoad):
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(CREDIBLE_PLAY)
     equation = "as `position_on_guided_load`, with e of what δ exceeds ±b/2"
     source = "two masses with a dead zone; Nordin, Gutman (2002), Automatica 38(10), 1633-1649"
+    shows = "all balances, after each braking: the load flies on while the piston turns"
+    confused_with = ("elastic_load", "position_delay", "presliding", "stribeck")
+    separated_by = "a second position sensor at the piston; reversals of several accelerations"
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
             "gap": tuple(3e-4 * 1.25**i for i in range(13)),
@@ -241,25 +251,15 @@ class PositionOnLoadWithPlay(PositionOnGuidedLoad):
             source="contacts, over 26 Hz",
         ),
         *PositionOnGuidedLoad.parameters[1:],
-        Parameter(
-            "gap",
-            0.0,
-            "m",
-            lower=0.0,
-            upper=2e-2,
-            scale=2e-4,
-            null=0.0,
-            start=1e-3,
-            description="width b of the play, from contact to contact",
-            source="0.05-5 mm, engineering judgement for clevis pins and couplings",
-        ),
+        PLAY,
     )
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Start in contact on the side that pushes the load."""
+        """Start in contact on the side that pushes the load: with the contact's force being F."""
         F = entering["force"] + self._at_load(at)
-        gap = at["gap"] / 2 * at.direction
-        return {"e": F + gap / (_compliance(at) + LEAST_COMPLIANCE), "g": 0.0}
+        give = _compliance(at) + LEAST_COMPLIANCE
+        rigid, beyond = give / LEAST_COMPLIANCE * ca.fabs(F), ca.fabs(F) + at["gap"] / 2 / give
+        return {"e": ca.sign(F) * ca.fmin(rigid, beyond), "g": 0.0}
 
     def _spring_force(self, at: Scope) -> Expression:
         apart, _ = _apart(at)

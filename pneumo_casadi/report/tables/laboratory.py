@@ -56,6 +56,8 @@ LEGEND = {
     "F_c⁺, F_c⁻": "Coulomb friction of forward and backward motion",
     "φ, ψ⁺, ψ⁻": "coefficients of the flow map (eq. 12): q_m = φ(p) + ψ(p, sign u) u",
     "k_supply, k_exhaust": "sonic conductance per volt of the edge that fills, that empties",
+    "k_1_supply, k_1_exhaust": "the same of a curve, where the edge begins to open",
+    "supply_ratio": "supply pressure of the metering bench over the stated one",
     "u_0_supply, u_0_exhaust": "command at which the edge opens",
     "w_supply, w_exhaust": "width of the rounding about that command",
     "h_supply, h_exhaust": "saturation of the conductance over the command",

@@ -76,7 +76,8 @@ def test_whole_derivatives_tell_what_states_make_of_nominal_parameters(one):
         expected = change / (above[at] - below[at])
         size = np.linalg.norm(expected)
         off = {w: np.linalg.norm(J[:, :, i] - expected) for w, J in found.items()}
-        assert off[True] <= 0.02 * size + 1e-5, nominal  # b tells nothing of a choked edge
+        if size > 0:  # the critical ratio of an edge that is always choked tells nothing
+            assert off[True] <= 0.02 * size, nominal
         if nominal not in model.state_dependent:
             assert off[False] == off[True], nominal
         left_out = max(left_out, off[False] / max(size, 1e-300))
