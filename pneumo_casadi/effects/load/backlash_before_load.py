@@ -39,9 +39,8 @@ class BacklashBeforeLoad(Effect):
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(CREDIBLE_PLAY)
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
-            "m_2": tuple(0.5 * 2.5**i for i in range(6)),
-            "gap": tuple(4e-4 * 1.25**i for i in range(13)),
-            "f": (9.0, 16.0),
+            "m_2": tuple(0.7 * 3.0**i for i in range(4)),
+            "gap": tuple(4e-4 * 1.4**i for i in range(8)),
         }
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (

@@ -236,11 +236,10 @@ class PositionOnLoadWithPlay(PositionOnGuidedLoad):
     separated_by = "a second position sensor at the piston; reversals of several accelerations"
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
-            "gap": tuple(3e-4 * 1.25**i for i in range(13)),
-            "D": (0.0025, 0.005),
-            "s": (0.3, 0.5, 0.75),
+            "gap": tuple(4e-4 * 1.4**i for i in range(8)),
+            "s": (0.35, 0.7),
             "phi": (0.05, 0.4),
-            "zeta": (0.2, 0.7),
+            "zeta": (0.4,),
         }
     )
     parameters = (
