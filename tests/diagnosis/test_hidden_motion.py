@@ -267,3 +267,28 @@ def test_what_explains_the_gap_alone_is_not_completed(simulated, monkeypatch):
         simulated, None, PLAY, SimpleNamespace(criteria=CRITERIA)
     )
     assert done == Completed(PLAY, PLAY)
+
+
+@pytest.mark.parametrize(
+    ("alone", "both", "smaller"),
+    [
+        (0.43, 0.48, True),
+        (0.50, 0.48, False),
+        (0.30, np.inf, True),  # what could not be refined is no better
+        (1.20, np.inf, False),
+        (np.inf, np.inf, False),
+    ],
+)
+def test_a_smaller_model_is_taken_where_it_leaves_no_more(monkeypatch, alone, both, smaller):
+    first, names = ("backlash",), ("backlash", "elastic_load")
+    worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
+    worker.fits = {key: SimpleFit(key, {"backlash.gap": 1e-3}) for key in (first, names)}
+    worker.trials = {first: (worker.fits[first], alone), names: (worker.fits[names], both)}
+    taken = []
+    monkeypatch.setattr(worker, "take", taken.append)
+    for name, answer in {"refine_all": None, "_is_needed": False, "_extended": None}.items():
+        monkeypatch.setattr(hidden_motion, name, lambda *given, answer=answer: answer)
+    monkeypatch.setattr(hidden_motion, "_take_refined", lambda ledger, nominal, key: None)
+    path = hidden_motion.extend_by_simulation(worker, None, (first, names), None, 6)
+    assert path == ((first,) if smaller else (first, names))
+    assert taken == ([first] if smaller else [])

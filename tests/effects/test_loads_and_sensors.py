@@ -5,6 +5,7 @@ import pytest
 
 from pneumo_casadi.effects import (
     Backlash,
+    BacklashBeforeLoad,
     ConstantForce,
     DriveLag,
     ElasticLoad,
@@ -12,6 +13,7 @@ from pneumo_casadi.effects import (
     GainError,
     PositionDelay,
     PositionOnGuidedLoad,
+    PositionOnLoadWithPlay,
     PositionOnProgressiveLoad,
     PressureSensorBias,
     PressureSensorLag,
@@ -146,6 +148,63 @@ def test_a_load_on_rubber_whose_position_is_measured_is_pulled_by_the_cube_of_th
         )
     assert M * (after[3] - before[3]) == pytest.approx(200.0, rel=0.01)
     assert after[5] - before[5] == pytest.approx(-200.0 / 0.05, rel=0.05)
+
+
+def test_a_load_beyond_a_play_flies_on_until_it_is_caught(made):
+    """The piston stops; the load crosses the play at its speed, and momentum is conserved."""
+    own = {"m_2": 6.0, "gap": 4e-3, "f": 40.0, "zeta": 0.3}
+    axis = made.true_force_axis(BacklashBeforeLoad()).with_parameters(
+        SMOOTH | {f"backlash_before_load.{name}": value for name, value in own.items()}
+    )
+    M = axis.parameters["M"].value
+    run = free(axis, [0.0, 0.0, -1.9e-3, 0.2], 0.1, dt=1e-4)
+    x_2, v_2 = (run[f"backlash_before_load.{state}"] for state in ("x_2", "v_2"))
+    flying = run.t < 0.018  # 3.9 mm at 0.2 m/s take 20 ms
+    np.testing.assert_allclose(v_2[flying], 0.2, rtol=1e-3)
+    np.testing.assert_allclose(run["v"][flying], 0.0, atol=1e-3)
+    assert run["v"][run.t > 0.03].min() > 0.03  # now the load pulls the piston along
+    np.testing.assert_allclose(M * run["v"] + 6.0 * v_2, 6.0 * 0.2, rtol=1e-9)
+    assert np.max(x_2 - run["x"]) > 2e-3
+
+
+@pytest.mark.parametrize("D", [0.0, 1e-5, 1e-4, 1e-3, 2.5e-3])
+@pytest.mark.parametrize("v", [0.3, -0.3])
+def test_a_load_with_play_whose_position_is_measured_begins_with_the_force_it_carries(made, D, v):
+    """Whatever the contact gives, and with the motion or against it."""
+    own = {"D": D, "s": 0.4, "zeta": 0.3, "phi": 0.3, "gap": 1e-3}
+    axis = made.true_axis(PositionOnLoadWithPlay()).with_parameters(
+        {f"position_on_load_with_play.{name}": value for name, value in own.items()}
+    )
+    x, u = [4.2e5, 5.1e5, 0.02, v], [0.2, -0.2]
+    begun = axis.rest(x, u, axis.parameters.values)
+    plain = made.true_axis()
+    at_rest, nominal = (
+        each.rhs(state, u, each.parameters.values).full().ravel()
+        for each, state in ((axis, begun), (plain, x))
+    )
+    assert at_rest[4:] * 1e-3 == pytest.approx(
+        0.0, abs=1.0
+    )  # of some hundred newtons a millisecond
+    assert at_rest[3] == pytest.approx(nominal[3], rel=0.02, abs=0.05)
+
+
+def test_within_the_play_no_force_reaches_a_load_whose_position_is_measured(made):
+    own = {"D": 2.5e-3, "s": 0.4, "zeta": 0.3, "phi": 0.0, "gap": 4e-3}
+    axis = made.true_axis(PositionOnLoadWithPlay()).with_parameters(
+        SMOOTH | {f"position_on_load_with_play.{name}": value for name, value in own.items()}
+    )
+    M = axis.parameters["M"].value
+    compliance = 2.5e-3**2 / (0.6 * M)
+    accelerations = [
+        float(axis.rhs([4.2e5, 5.1e5, 0.02, 0.3, apart / compliance, 0.0], [0.2, -0.2],
+                       axis.parameters.values)[3])
+        for apart in (1e-3, 1.9e-3)
+    ]  # fmt: skip
+    touched = axis.rhs(
+        [4.2e5, 5.1e5, 0.02, 0.3, 2.1e-3 / compliance, 0.0], [0.2, -0.2], axis.parameters.values
+    )
+    assert float(touched[3]) - accelerations[1] == pytest.approx(1e-4 / compliance / M, rel=0.05)
+    assert accelerations[0] == pytest.approx(accelerations[1], abs=0.02 * 1e-4 / compliance / M)
 
 
 def test_an_elastic_load_resonates_above_its_own_frequency_and_counts_as_mass_below(made):

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pneumo_casadi.estimation.flow_anchor import anchor_to_flow_map
 from pneumo_casadi.valve import (
     FlowForm,
     Reason,
@@ -16,7 +17,12 @@ from pneumo_casadi.valve import (
     fit_iso6358,
     fit_iso6358_curve,
 )
-from pneumo_casadi.valve.opening import KNOTS, conductance, curve_parameters
+from pneumo_casadi.valve.opening import (
+    KNOTS,
+    LIKE_HYPERBOLA,
+    conductance,
+    curve_parameters,
+)
 
 REACH = 5.0
 HYPERBOLA = {
@@ -115,3 +121,24 @@ def test_a_slope_that_no_command_tells_stands_near_the_hyperbolas(notched_valve)
     assert 0.3 < begin < 2
     left_out = fitted.residuals(table)[np.abs(np.abs(table.u) - 0.5) < 0.1]
     assert np.sqrt(np.mean(left_out**2)) < 0.02 * table.q_max
+
+
+def test_what_is_known_beside_a_coarse_map_stays_known_where_records_are_fitted(notched_valve):
+    """Eleven commands do not tell the first slopes of either edge."""
+    table = notched_valve(2e-5, n_u=11, n_p=7)
+    flow = fit_iso6358_curve(table)
+    J = anchor_to_flow_map(table, flow).jacobian(flow.parameters.values) * flow.parameters.scales
+    std = np.sqrt(np.diag(np.linalg.pinv(J.T @ J)))
+    told = dict(zip(flow.parameters.names, std, strict=True))
+    slopes = [told[f"k_{j}_{side}"] for j in range(1, 6) for side in ("supply", "exhaust")]
+    assert max(slopes) <= LIKE_HYPERBOLA * 1.001
+    assert told["supply_ratio"] <= 1.001
+    assert max(slopes) > 0.5 * LIKE_HYPERBOLA
+
+
+def test_edges_metered_to_different_commands_have_their_own_openings(notched_valve):
+    table = notched_valve(2e-5)
+    part = table.select(table.u < 2.6)
+    fitted = fit_iso6358_curve(part)
+    assert fitted.sigma == pytest.approx(2e-5, rel=0.15)
+    assert np.abs(fitted.residuals(part)).max() < 0.02 * part.q_max
