@@ -156,6 +156,31 @@ def test_the_forces_on_both_masses_of_an_elastic_load_add_up(axis, drive):
     assert np.abs(y[:, layout.X_2] - y[:, layout.X]).max() > 1e-4
 
 
+def test_a_load_beyond_a_play_is_only_pushed_and_moves_as_it_is_pushed(axis, drive):
+    m_2, gap = 5.0, 3e-3
+    sizes = {"m_2": m_2, "gap": gap, "f": 40.0, "zeta": 0.15}
+    y = hidden(axis, drive, "backlash_two_masses", sizes).states
+    v = y[:, layout.V]
+    sliding = (np.abs(v[:-2]) > 1e-2) & (np.abs(v[2:]) > 1e-2) & (v[:-2] * v[2:] > 0)
+    gas = axis.S_P * y[:, layout.GAS_P] - axis.S_N * y[:, layout.GAS_N]
+    F_c = np.where(v > 0, axis.F_c_plus, -axis.F_c_minus)
+    force = gas - (axis.S_P - axis.S_N) * axis.p_ext - axis.f_v * v - F_c
+    momentum = (axis.M - m_2) * v + m_2 * y[:, layout.V_3]
+    rate = (momentum[2:] - momentum[:-2]) / 2e-3
+    np.testing.assert_allclose(rate[sliding], force[1:-1][sliding], atol=2.0)
+    apart = y[:, layout.X] - y[:, layout.X_3]
+    pushed = np.gradient(y[:, layout.V_3], 1e-3)[2:-2]
+    within = (np.abs(apart) < 0.4 * gap)[2:-2]
+    assert within.any() and np.abs(pushed[within]).max() < 0.02 * np.abs(pushed).max()
+    assert np.all(pushed[apart[2:-2] > 0.6 * gap] > -1e-6)
+
+
+def test_the_sensor_of_the_measured_form_is_at_the_load_beyond_the_play(axis, drive):
+    effect = effects_for(axis, {"backlash_two_masses_measured": "medium"})
+    run = simulate_axis(axis.with_ideal_sensors(), drive, effect)
+    np.testing.assert_allclose(run.rows[:, 4], run.states[:, layout.X_3], atol=1e-9)
+
+
 def test_a_lag_acts_on_the_pressure_where_the_sensor_sits(axis, drive):
     """With the sensor at the valve it follows the pressure of the hose, not that of the chamber."""
     tau = 0.02

@@ -270,8 +270,9 @@ def _fit_of(form: FlowForm, table: FlowMap, T: float, degrees: Degrees) -> Fit:
         solve_polynomials(table, degrees)
         return partial(solve_polynomials, degrees=degrees)
     if form in ISO6358_FITS:
-        fit = ISO6358_FITS[form]
-        fit(table, T=T)
-        return partial(fit, T=T, start=fit_iso6358(table, T=T).parameters)
+        fit = partial(ISO6358_FITS[form], T=T, start=fit_iso6358(table, T=T).parameters)
+        if form is not FlowForm.ISO6358:
+            fit(table)
+        return fit
     _, smoothing = smooth_map(table)
     return lambda part: smooth_map(part, smoothing=smoothing)[0]
