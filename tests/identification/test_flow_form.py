@@ -55,8 +55,9 @@ def test_without_a_form_the_one_with_the_least_held_out_error_is_taken(chosen):
     options, how = chosen
     assert options.flow_form is how.chosen is FlowForm.ISO6358
     assert how.reason is Reason.LEAST_ERROR
-    percent = {error.form: error.percent for error in how.candidates}
+    percent = {error.form: error.percent for error in how.candidates if error.percent is not None}
     assert percent[FlowForm.ISO6358] == min(percent.values())
+    assert "no closer to the map" in how.error_of(FlowForm.ISO6358_CURVE).failure
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.errors import CaseError, PneumoError
+from pneumo_casadi.errors import CaseError, FitError, PneumoError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.valve.choice.degree_selection import Folds, fold_masks, select_degrees
 from pneumo_casadi.valve.flow_map import FlowMap
@@ -24,6 +24,8 @@ from pneumo_casadi.valve.spline import smooth_map
 PAPER_DEGREES: Degrees = (7, 7, 4)
 #: Folds of the cross-validation where the map has pressures enough.
 FOLDS = 5
+#: What a curve must leave at most of the hyperbola's residual to be compared: 1 % is chance.
+CLOSER = 0.99
 
 Fit = Callable[[FlowMap], FlowModel]
 logger = logging.getLogger(__name__)
@@ -182,6 +184,8 @@ def choose_flow_form(
     ISO 6358, ISO 6358 with curved openings, spline is chosen. The spline comes last because output
     error can refine its gain alone: what its shape misses stays in X_s.
 
+    Curved openings are compared where they come closer to the whole map than hyperbolas do.
+
     Where the map has too few pressures for two folds, nothing is compared and the form with the
     fewest free coefficients, ISO 6358, is taken if it can be fitted.
 
@@ -270,9 +274,10 @@ def _fit_of(form: FlowForm, table: FlowMap, T: float, degrees: Degrees) -> Fit:
         solve_polynomials(table, degrees)
         return partial(solve_polynomials, degrees=degrees)
     if form in ISO6358_FITS:
-        fit = partial(ISO6358_FITS[form], T=T, start=fit_iso6358(table, T=T).parameters)
-        if form is not FlowForm.ISO6358:
-            fit(table)
+        hyperbola = fit_iso6358(table, T=T)
+        fit = partial(ISO6358_FITS[form], T=T, start=hyperbola.parameters)
+        if form is FlowForm.ISO6358_CURVE and fit(table).sigma > CLOSER * hyperbola.sigma:
+            raise FitError("it comes no closer to the map than iso6358, which has fewer parameters")
         return fit
     _, smoothing = smooth_map(table)
     return lambda part: smooth_map(part, smoothing=smoothing)[0]
