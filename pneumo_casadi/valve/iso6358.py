@@ -143,7 +143,7 @@ class FlowISO6358(Brief):
         """Standard deviations of what is known of parameters beside the map, about their values.
 
         Of the slopes of a curve, which are like those of the hyperbola where few commands tell
-        them, and of the supply pressure.
+        them, and of the supply pressure. A recorded supply is taken to be shown by the same gauge.
         """
         return known_before(self.parameters)
 

@@ -19,10 +19,10 @@ CASES = {
         {"q": 5e-4, "centre": -0.01, "half": 0.03},
         {"s": (-0.025, 0.02), "w": (0.075, 0.02)},
     ),
-    # Contacts of the bench bounce and never pull, which makes a play seem narrower by a quarter.
+    # Contacts of the bench bounce and never pull, which makes a play seem narrower by a third.
     "backlash_before_load": (
         {"gap": 3e-3, "m_2": 9.0},
-        {"gap": (2.25e-3, 5e-4), "m_2": (9.0, 2.5)},
+        {"gap": (2.0e-3, 5e-4), "m_2": (9.0, 2.5)},
     ),
     "position_on_load_with_play": ({"gap": 2e-3}, {"gap": (2e-3, 4e-4), "s": (0.3, 0.15)}),
     # The bench's edges have critical ratios of their own, and exponents near one half.

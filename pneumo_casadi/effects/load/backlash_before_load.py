@@ -23,7 +23,7 @@ class BacklashBeforeLoad(Effect):
 
     The load flies across the play when the piston brakes. Beside it, M is what moves rigidly. A
     contact is fitted softer and more damped than it is, for the measured motion does not resolve
-    it; of a load that bounces the play seems narrower, by a quarter on the virtual bench.
+    it; of a load that bounces the play seems narrower, on the virtual bench by a quarter to a third.
     """
 
     name = "backlash_before_load"
@@ -40,7 +40,7 @@ class BacklashBeforeLoad(Effect):
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
             "m_2": tuple(0.7 * 3.0**i for i in range(4)),
-            "gap": tuple(4e-4 * 1.4**i for i in range(8)),
+            "gap": tuple(4e-4 * 1.25**i for i in range(13)),
         }
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
