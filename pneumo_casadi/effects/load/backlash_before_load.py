@@ -23,7 +23,7 @@ class BacklashBeforeLoad(Effect):
 
     The load flies across the play when the piston brakes. Beside it, M is what moves rigidly. A
     contact is fitted softer and more damped than it is, for the measured motion does not resolve
-    it; of a load that bounces the play seems narrower, on the virtual bench by a quarter to a third.
+    it; of a load that bounces the play seems narrower, by up to a third on the virtual bench.
     """
 
     name = "backlash_before_load"
