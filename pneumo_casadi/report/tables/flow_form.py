@@ -35,6 +35,8 @@ def flow_form_tables(selection: FormSelection | None) -> tuple[Table, ...]:
             "Errors are those on withheld pressures and commands of the map, in "
             f"{selection.folds} folds, with their standard errors."
         )
+        left_out = [error for error in selection.candidates if error.percent is None]
+        notes += [f"{FORMS[error.form]} is not compared: {error.failure}." for error in left_out]
     if selection.chosen is FlowForm.SPLINE:
         notes.append("Output error refines only the gain of a spline, not its shape.")
     return (
