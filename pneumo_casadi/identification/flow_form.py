@@ -20,13 +20,12 @@ from pneumo_casadi.valve import (
     FlowPair,
     FormSelection,
     choose_flow_form,
-    fit_iso6358,
-    fit_iso6358_curve,
     fit_polynomials,
     fit_spline,
     iso6358_from_data_sheet,
     read_flow_map,
 )
+from pneumo_casadi.valve.choice.form_selection import ISO6358_FITS
 
 
 def resolve_flow_form(
@@ -92,8 +91,7 @@ def read_flow(
     fits: dict[FlowForm, Callable[[FlowMap], FlowModel]] = {
         FlowForm.POLYNOMIALS: partial(fit_polynomials, degrees=chosen.degrees or PAPER_DEGREES),
         FlowForm.SPLINE: fit_spline,
-        FlowForm.ISO6358: partial(fit_iso6358, T=case.bench.T),
-        FlowForm.ISO6358_CURVE: partial(fit_iso6358_curve, T=case.bench.T),
+        **{form: partial(fit, T=case.bench.T) for form, fit in ISO6358_FITS.items()},
     }
     fit = fits[chosen.flow_form]
     table, table_N = read_flow_maps(case, case.bench)

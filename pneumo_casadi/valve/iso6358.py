@@ -170,7 +170,7 @@ def _law(kind: _Kind) -> ca.Function:
     theta = ca.SX.sym("theta", len(kind.names))
     at = dict(zip(kind.names, ca.vertsplit(theta), strict=True))
     C_s, C_e = (
-        conductance(kind.names, side, reach)(at, command)
+        conductance(at, side, command, reach)
         for side, reach, command in zip(SIDES, kind.reach, (u, -u), strict=True)
     )
     law = {"T": kind.T, "laminar_ratio": kind.laminar_ratio}

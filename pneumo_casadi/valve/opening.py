@@ -49,32 +49,25 @@ def known_laws() -> tuple[frozenset[str], frozenset[str]]:
     return hyperbola, curve | {SUPPLY_RATIO}
 
 
-def conductance(names: tuple[str, ...], side: str, reach: float) -> Any:
-    """Return the opening law of one side's edge: ``(parameters by name, command) -> C``.
+def conductance(at: Mapping[str, Any], side: str, command: Any, reach: float) -> Any:
+    """Return the conductance of one side's edge [m³/(s Pa)].
 
     Parameters
     ----------
-    names : tuple of str
-        Parameters of the valve; ``k_1_<side>`` among them makes it a curve.
+    at : mapping of str to expression
+        Parameters of the valve; ``k_1_<side>`` among them makes its opening a curve.
     side : str
         ``supply`` or ``exhaust``.
+    command : expression
+        What opens this edge, u or −u [V].
     reach : float
         Largest command metered of its sign [V].
     """
-    if _slope(1, side) in names:
-        knots = [share * reach for share in KNOTS]
-
-        def curve(at: Mapping[str, Any], command: Any) -> Any:
-            slopes = [at[_slope(j, side)] for j in range(1, len(KNOTS) + 1)]
-            return at[f"C_leak_{side}"] + _rise(_opened(at, side, command), slopes, knots)
-
-        return curve
-
-    def hyperbola(at: Mapping[str, Any], command: Any) -> Any:
-        s = _opened(at, side, command)
-        return at[f"C_leak_{side}"] + at[f"k_{side}"] * s / (1 + at[f"h_{side}"] * s)
-
-    return hyperbola
+    s = _opened(at, side, command)
+    if _slope(1, side) in at:
+        slopes = [at[_slope(j, side)] for j in range(1, len(KNOTS) + 1)]
+        return at[f"C_leak_{side}"] + _rise(s, slopes, [share * reach for share in KNOTS])
+    return at[f"C_leak_{side}"] + at[f"k_{side}"] * s / (1 + at[f"h_{side}"] * s)
 
 
 def hyperbola_parameters(side: str, k: float, reach: float) -> list[Parameter]:

@@ -40,7 +40,7 @@ def curve(values=None):
     start = curve_parameters(HYPERBOLA, "supply", REACH)
     values = {item.name: item.value for item in start} | (values or {})
     u = ca.SX.sym("u")
-    C = conductance(tuple(values), "supply", REACH)(values, u)
+    C = conductance(values, "supply", u, REACH)
     function = ca.Function("C", [u], [C])
     return lambda u: function(np.asarray(u, dtype=float).reshape(1, -1)).full().ravel()
 

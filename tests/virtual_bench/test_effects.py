@@ -142,17 +142,22 @@ def test_droop_empties_the_reservoir_and_a_silencer_holds_pressure(axis, drive):
     assert p_e.max() > 1.02 * axis.p_ext
 
 
-def test_the_forces_on_both_masses_of_an_elastic_load_add_up(axis, drive):
-    m_2 = 5.0
-    y = hidden(axis, drive, "elastic_load", {"m_2": m_2, "f": 8.0, "zeta": 0.05}).states
+def momentum_and_force(axis, y, m_2, velocity):
+    """Rate of the momentum of both masses, and the force on them, while the piston slides."""
     v = y[:, layout.V]
     sliding = (np.abs(v[:-2]) > 1e-2) & (np.abs(v[2:]) > 1e-2) & (v[:-2] * v[2:] > 0)
     gas = axis.S_P * y[:, layout.GAS_P] - axis.S_N * y[:, layout.GAS_N]
     F_c = np.where(v > 0, axis.F_c_plus, -axis.F_c_minus)
     force = gas - (axis.S_P - axis.S_N) * axis.p_ext - axis.f_v * v - F_c
-    momentum = (axis.M - m_2) * v + m_2 * y[:, layout.V_2]
+    momentum = (axis.M - m_2) * v + m_2 * y[:, velocity]
     rate = (momentum[2:] - momentum[:-2]) / 2e-3
-    np.testing.assert_allclose(rate[sliding], force[1:-1][sliding], atol=0.3)
+    return rate[sliding], force[1:-1][sliding]
+
+
+def test_the_forces_on_both_masses_of_an_elastic_load_add_up(axis, drive):
+    m_2 = 5.0
+    y = hidden(axis, drive, "elastic_load", {"m_2": m_2, "f": 8.0, "zeta": 0.05}).states
+    np.testing.assert_allclose(*momentum_and_force(axis, y, m_2, layout.V_2), atol=0.3)
     assert np.abs(y[:, layout.X_2] - y[:, layout.X]).max() > 1e-4
 
 
@@ -160,14 +165,7 @@ def test_a_load_beyond_a_play_is_only_pushed_and_moves_as_it_is_pushed(axis, dri
     m_2, gap = 5.0, 3e-3
     sizes = {"m_2": m_2, "gap": gap, "f": 40.0, "zeta": 0.15}
     y = hidden(axis, drive, "backlash_two_masses", sizes).states
-    v = y[:, layout.V]
-    sliding = (np.abs(v[:-2]) > 1e-2) & (np.abs(v[2:]) > 1e-2) & (v[:-2] * v[2:] > 0)
-    gas = axis.S_P * y[:, layout.GAS_P] - axis.S_N * y[:, layout.GAS_N]
-    F_c = np.where(v > 0, axis.F_c_plus, -axis.F_c_minus)
-    force = gas - (axis.S_P - axis.S_N) * axis.p_ext - axis.f_v * v - F_c
-    momentum = (axis.M - m_2) * v + m_2 * y[:, layout.V_3]
-    rate = (momentum[2:] - momentum[:-2]) / 2e-3
-    np.testing.assert_allclose(rate[sliding], force[1:-1][sliding], atol=2.0)
+    np.testing.assert_allclose(*momentum_and_force(axis, y, m_2, layout.V_3), atol=2.0)
     apart = y[:, layout.X] - y[:, layout.X_3]
     pushed = np.gradient(y[:, layout.V_3], 1e-3)[2:-2]
     within = (np.abs(apart) < 0.4 * gap)[2:-2]

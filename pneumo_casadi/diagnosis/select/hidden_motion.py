@@ -114,7 +114,7 @@ def extend_by_simulation(
     if not path or not motion_is_hidden(ledger.effects(path[-1]), ledger.fits[path[-1]]):
         return path
     refine_all(ledger, nominal, {path[-1]: ledger.fits[path[-1]]})
-    first = path[-1] if len(path) == 1 else _without_needless(ledger, nominal, path)
+    first = path[-1] if len(path) == 1 else _without_needless(ledger, nominal, path[-1])
     if ledger.trials[first][1] >= ledger.study.criteria.simulated:
         alone = _hiding(ledger, first)
         first = alone if alone in ledger.fits else first
@@ -208,9 +208,8 @@ def _closes_more(left: float, before: float, criteria: Criteria) -> bool:
     return left <= min(criteria.closed * before, before - criteria.matters)
 
 
-def _without_needless(ledger: FitLedger, nominal: FittedModel, path: tuple[Names, ...]) -> Names:
+def _without_needless(ledger: FitLedger, nominal: FittedModel, names: Names) -> Names:
     """Return the effect that hides the motion alone if the others were added in vain."""
-    names = path[-1]
     alone = _hiding(ledger, names)
     if alone == names or alone not in ledger.fits:
         return names

@@ -8,12 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pneumo_casadi.effects.common.contact import CREDIBLE_PLAY, PLAY, touching, within
-from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.effects.common.second_mass import SecondMass, mass_beyond
+from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 
-class BacklashBeforeLoad(Effect):
+class BacklashBeforeLoad(SecondMass, Effect):
     """A load m_2 that the piston, whose position is measured, pushes through a play.
 
     With δ = x - x_2 and the play b the contact presses by what δ exceeds ±b/2; s(δ) is δ clipped to
@@ -34,8 +35,6 @@ class BacklashBeforeLoad(Effect):
     confused_with = ("elastic_load", "M", "presliding", "stribeck")
     separated_by = "reversals of several accelerations: the load crosses the play in less time"
     hides_motion = True  # that of the load; what the contact does is faster than the balances tell
-    passive = True
-    masses = ("m_2",)
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(CREDIBLE_PLAY)
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType(
         {
@@ -44,18 +43,7 @@ class BacklashBeforeLoad(Effect):
         }
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "m_2",
-            0.0,
-            "kg",
-            lower=0.0,
-            upper=100.0,
-            scale=2.0,
-            null=0.0,
-            start=3.0,
-            description="mass beyond the play",
-            source="up to the payload of the axis",
-        ),
+        mass_beyond("play"),
         replace(PLAY, value=1e-3, lower=1e-5, null=1e-3),  # at m_2 = 0 it does not matter
         Parameter(
             "f",
@@ -82,19 +70,10 @@ class BacklashBeforeLoad(Effect):
             source="a bounce returns with a half to three quarters of the speed",
         ),
     )
-    states = (State("x_2", "m", 0.1), State("v_2", "m/s", 0.5))
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with the load moving as the piston does, pushed by it."""
         return {"x_2": at.x - at["gap"] / 2 * at.direction, "v_2": at.v}
-
-    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Accelerate the load by the contact."""
-        return {"x_2": at["v_2"], "v_2": self._acceleration(at)}
-
-    def force(self, F: Expression, at: Scope) -> Expression:
-        """Subtract what accelerates the load."""
-        return F - at["m_2"] * self._acceleration(at)
 
     def _acceleration(self, at: Scope) -> Expression:
         omega, apart, half = 2 * np.pi * at["f"], at.x - at["x_2"], at["gap"] / 2

@@ -7,13 +7,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pneumo_casadi.effects.common.progression import PROGRESSION, PROGRESSIONS
+from pneumo_casadi.effects.common.second_mass import SecondMass, mass_beyond
 from pneumo_casadi.model.absorption import Absorption
-from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 
-class ElasticLoad(Effect):
+class ElasticLoad(SecondMass, Effect):
     """A second mass m_2 at x_2 beyond the mass M that moves with the piston.
 
     With ω = 2π f and the acceleration of the load a_2::
@@ -31,23 +32,10 @@ class ElasticLoad(Effect):
     shows = "force balance, in one band of frequencies"
     confused_with = ("M", "backlash", "presliding", "hose")
     separated_by = "a sweep of frequencies at several amplitudes: the resonance stays where it is"
-    passive = True
-    masses = ("m_2",)
     # A resonance is felt in its own narrow band: a fit that begins beside it finds nothing.
     scanned = MappingProxyType({"f": tuple(1.1**i for i in range(39))})
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter(
-            "m_2",
-            0.0,
-            "kg",
-            lower=0.0,
-            upper=100.0,
-            scale=2.0,
-            null=0.0,
-            start=3.0,
-            description="mass beyond the spring",
-            source="up to the payload of the axis",
-        ),
+        mass_beyond("spring"),
         Parameter(
             "f",
             12.0,
@@ -73,7 +61,6 @@ class ElasticLoad(Effect):
             source="0.01-0.1 for metal joints, more with rubber",
         ),
     )
-    states = (State("x_2", "m", 0.1), State("v_2", "m/s", 0.5))
 
     def swings(self, values: Mapping[str, float]) -> tuple[complex, ...]:
         """Return the poles of the load on its spring, the piston held."""
@@ -84,14 +71,6 @@ class ElasticLoad(Effect):
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with the load moving as the piston does."""
         return {"x_2": at.x, "v_2": at.v}
-
-    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Accelerate the load by spring and damper."""
-        return {"x_2": at["v_2"], "v_2": self._acceleration(at)}
-
-    def force(self, F: Expression, at: Scope) -> Expression:
-        """Subtract what accelerates the load."""
-        return F - at["m_2"] * self._acceleration(at)
 
     def _acceleration(self, at: Scope) -> Expression:
         omega, sliding = 2 * np.pi * at["f"], at["v_2"] - at.v
