@@ -13,9 +13,6 @@ from tables.diagnosis import (
     rule_cases,
     term_coverage,
     verdicts,
-    withheld,
-    withheld_effects,
-    withheld_forms,
 )
 from tables.estimation import coverage, emps, emps_output_error, loops, starts, truth, wls_coverage
 from tables.flow import (
@@ -28,6 +25,7 @@ from tables.flow import (
 from tables.headlines import headlines
 from tables.laboratories import laboratories, mistakes
 from tables.robustness import damaged, hostile, kills
+from tables.sealed_checks import several, withheld, withheld_effects, withheld_forms
 from tables.speed import (
     batch,
     diagnosis_time,
@@ -39,6 +37,9 @@ from tables.speed import (
     scaling,
     solvers,
 )
+
+#: Results of the last five sealed checks, those of `calibration.json`.
+LAST_CHECKS = ("withheld_25", "withheld_26", "withheld_27", "withheld_28", "withheld_newest")
 
 #: Tables by name: the function, and the committed results that it takes.
 TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
@@ -85,6 +86,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "withheld_effects": (withheld_effects, "withheld"),
     "withheld_forms": (withheld_forms, "withheld_forms"),
     "withheld_newest": (withheld_forms, "withheld_newest"),
+    "sealed_checks": (several, "calibration", *LAST_CHECKS),
     "headlines": (
         headlines,
         "table1",
@@ -93,10 +95,6 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
         "withheld_forms",
         "withheld_later",
         "withheld_24",
-        "withheld_25",
-        "withheld_26",
-        "withheld_27",
-        "withheld_28",
-        "withheld_newest",
+        *LAST_CHECKS,
     ),
 }
