@@ -318,6 +318,15 @@ def test_a_small_gap_alone_may_be_kept(nominal, final, kept):
     assert verdict is (Verdict.EFFECT if kept else Verdict.UNKNOWN)
 
 
+@pytest.mark.parametrize(("explained", "kept"), [(100.0, False), (300.0, True)])
+def test_a_gap_of_many_floors_may_be_small_beside_what_the_balance_explains(explained, kept):
+    """A supply that sags behind a pipe, and bristles of which 1.3 % of the force are left."""
+    levels = BalanceLevels(np.ones(3), np.array([100.0, 100.0, explained]))
+    before, after = (fitted(*map(with_gap, gaps)) for gaps in ((10, 10, 5), (1, 1, 5)))
+    chosen = replace(selected(before, {ONE[0]: after}, ONE), simulated=True, levels=levels)
+    assert open_balances(chosen) == ((2,) if kept else ())
+
+
 def test_a_gap_that_is_kept_beside_contradicted_parameters_is_not_believed():
     before, after = (fitted(*map(with_gap, gaps)) for gaps in ((2.7, 0, 10), (2.7, 0, 0.5)))
     chosen = replace(selected(before, {ONE[0]: after}, ONE), simulated=True)

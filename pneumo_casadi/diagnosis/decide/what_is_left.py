@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import (
+    gaps,
     leaves_too_much,
     residual_rms,
     share_left,
@@ -62,13 +63,16 @@ def unexplained(selection: Selection) -> float:
 def open_balances(selection: Selection) -> tuple[int, ...]:
     """Return the balances that may keep a gap, because simulations are explained without it.
 
-    It was small beside the largest gap, the final model has not made it larger, and it is clear of
-    the noise: a coarse flow map, or something that acts there besides.
+    It was small beside the largest gap, in noise floors or in what the balances explain, the final
+    model has not made it larger, and it is clear of the noise: a coarse flow map, or something that
+    acts there besides. Where a balance has little noise, many floors may be next to nothing.
     """
     if not selection.simulated or decided_by_simulation(selection):
         return ()
     nominal, final, criteria = selection.nominal, selection.final, selection.levels.criteria
+    gap = gaps(residual_rms(nominal), selection.levels)
     small = shares_left(nominal, final, selection.levels) == 0.0
+    small |= gap < criteria.main_gap * gap.max()
     grown = np.log(residual_rms(final) / residual_rms(nominal)) >= criteria.matters
     left = shares_left(nominal, final, selection.levels, clear=True) > criteria.unexplained
     return tuple(int(row) for row in np.flatnonzero(small & left & ~grown))

@@ -33,7 +33,8 @@ class Criteria:
         floors (6).
     main_gap : float
         Gaps below this share of the largest, in floors, are the misfit of its cause, unless what is
-        left there is clear.
+        left there is clear. A model that explains simulations may keep a gap below this share of
+        the largest, in what the balances explain.
     matters : float
         Decrease of log σ in one balance that matters, and share of a gap that does.
     further : float

@@ -88,10 +88,11 @@ def select_effects(
         fitted = ledger.output_error_fits.get(final, ledger.fits[final])
         ledger.begin_report(final, fitted)
         report("what each effect contributes", 0.9)
-        shares = contributions(ledger, nominal, final, completed.named, levels)
         simulated = ledger.simulations.surely_explained(
             nominal, fitted, ledger.effects(final), levels.criteria
         )
+        if simulated or _may_be_named(ledger, nominal, final, levels):
+            shares = contributions(ledger, nominal, final, completed.named, levels)
     ledger.begun_fits.cancel_all()
     ledger.begun_refinements.cancel_all()
     failures = tuple(ledger.failures.values())
@@ -112,6 +113,16 @@ def select_effects(
         ledger.offered,
         ledger.by_simulation,
         simulated,
+    )
+
+
+def _may_be_named(
+    ledger: FitLedger, nominal: FittedModel, final: Names, levels: BalanceLevels
+) -> bool:
+    """Return whether the effects of a model that simulations do not prove right may be named."""
+    known_by_simulation = final in ledger.gap_left
+    return known_by_simulation or not leaves_too_much(
+        nominal, ledger.fits[final], levels, clear=True
     )
 
 
