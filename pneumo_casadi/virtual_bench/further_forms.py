@@ -71,7 +71,7 @@ _TWO_MASSES = EffectForm(
     cause=BACKLASH.name,
     kernel="coupling",
     constants={"measured": 0.0},
-    strength=("gap",),
+    strength=("gap", "m_2"),  # a contact without a play is still an elastic joint
 )
 
 FORMS = (

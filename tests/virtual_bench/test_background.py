@@ -143,3 +143,10 @@ def test_no_weak_effect_is_too_fast_for_the_bench(axis):
     for name in fast:
         for seed in range(40):
             assert longest_step(weak_effects(axis, [name], seed)) >= SHORTEST
+
+
+@pytest.mark.parametrize("form", ["backlash_two_masses", "backlash_two_masses_measured"])
+def test_a_weak_play_before_a_load_leaves_nearly_all_mass_on_the_piston(axis, form):
+    """Three tenths of the mass behind a contact were no weak effect, however narrow the play."""
+    (weak,) = weak_effects(axis, [form], 5)
+    assert weak.parameters["m_2"] < 0.1 * axis.M

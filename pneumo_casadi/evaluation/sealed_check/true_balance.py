@@ -28,11 +28,13 @@ UNLISTED = {
     "square_root_friction": frozenset({"force"}),
     "friction_fade": frozenset({"force"}),
 }
-#: Forms of the bench whose sensors sit elsewhere, which shows in all balances that use them, by the
-#: effect of the catalogue that says so.
-SENSORS_ELSEWHERE = {
+#: Forms of the bench that act elsewhere than the usual form of their cause, since the sensors sit
+#: elsewhere, which shows in all balances that use them: by the effect of the catalogue that says so.
+ACTING_ELSEWHERE = {
     "elastic_load_measured": "position_on_elastic_load",
     "hose_volume_at_valve": "hose_sensor_at_valve",
+    "backlash_two_masses": "backlash_before_load",
+    "backlash_two_masses_measured": "position_on_load_with_play",
 }
 _NOMINAL = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus", "v_s")
 
@@ -63,8 +65,8 @@ def balances_of(names: Iterable[str], forms: Iterable[str] = ()) -> frozenset[st
     ['measurement']
     """
     balances: frozenset[str] = frozenset()
-    for form in SENSORS_ELSEWHERE.keys() & set(forms):
-        balances |= {MEASUREMENT} | acting_in(EFFECTS[SENSORS_ELSEWHERE[form]]())
+    for form in ACTING_ELSEWHERE.keys() & set(forms):
+        balances |= {MEASUREMENT} | acting_in(EFFECTS[ACTING_ELSEWHERE[form]]())
     for name in names:
         if name in EFFECTS:
             balances |= acting_in(EFFECTS[name]())

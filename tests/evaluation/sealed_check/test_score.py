@@ -10,7 +10,7 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.evaluation.sealed_check import Share, calibration, read_answer, scored
 from pneumo_casadi.evaluation.sealed_check.true_balance import (
-    SENSORS_ELSEWHERE,
+    ACTING_ELSEWHERE,
     acting_in,
     balances_of,
 )
@@ -340,8 +340,16 @@ def test_forms_of_the_same_causes_are_one_entry_of_a_ranking(told):
 def test_a_form_whose_sensor_sits_elsewhere_shows_in_the_measurement_too(judged, told):
     case = judged("left_out", "elastic_load", told("unknown", balance="measurement"))
     assert hits(scored([case]), "located") == (0, 1)
-    assert SENSORS_ELSEWHERE.keys() <= ALL_FORMS.keys()
+    assert ACTING_ELSEWHERE.keys() <= ALL_FORMS.keys()
     recorded = replace(case.draw, forms={"elastic_load": "elastic_load_measured"})
+    assert hits(scored([replace(case, draw=recorded)]), "located") == (1, 1)
+
+
+def test_a_play_before_a_load_acts_in_the_force_balance(judged, told):
+    """Of the usual form, between piston and sensor, the balances of the motion show nothing."""
+    case = judged("left_out", "backlash", told("unknown", balance="force"))
+    assert hits(scored([case]), "located") == (0, 1)
+    recorded = replace(case.draw, forms={"backlash": "backlash_two_masses"})
     assert hits(scored([replace(case, draw=recorded)]), "located") == (1, 1)
 
 
