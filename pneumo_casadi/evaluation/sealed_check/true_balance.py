@@ -28,8 +28,8 @@ UNLISTED = {
     "square_root_friction": frozenset({"force"}),
     "friction_fade": frozenset({"force"}),
 }
-#: Forms of the bench that act elsewhere than the usual form of their cause, since the sensors sit
-#: elsewhere, which shows in all balances that use them: by the effect of the catalogue that says so.
+#: Forms of the bench that act elsewhere than the usual form of their cause, as where sensors sit
+#: elsewhere, by the effect of the catalogue that says so.
 ACTING_ELSEWHERE = {
     "elastic_load_measured": "position_on_elastic_load",
     "hose_volume_at_valve": "hose_sensor_at_valve",
