@@ -217,6 +217,14 @@ def test_a_section_with_a_fault_is_named(bench, section, message):
         bench_from_content(bench_content(bench) | {"controller": controller})
 
 
+def test_of_another_law_it_is_told_what_to_state(bench):
+    controller = {"type": "cascade", "speed_gain": 0.6, "u_max_V": 5}
+    with pytest.raises(
+        CaseError, match='missing key .*speed_gain`; of any other law state `"type"'
+    ):
+        bench_from_content(bench_content(bench) | {"controller": controller})
+
+
 def lag(memory, x_ref, x):
     kept = 0.9 * memory + 0.1 * (x_ref - x)
     return ca.vertcat(20 * kept, -20 * kept), kept

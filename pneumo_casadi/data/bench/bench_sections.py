@@ -15,6 +15,7 @@ from pneumo_casadi.data.bench.load import Load
 from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidController
 from pneumo_casadi.data.bench.sensor_noise import SensorNoise
 from pneumo_casadi.data.bench.valve_source import FlowSource, ValveData, Valves
+from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.json_input import check_keys
 
 _LIMITS = {
@@ -63,6 +64,8 @@ CONTROLLERS: dict[str, tuple[type[Any], dict[str, str], dict[str, str]]] = {
     ),
     "none": (NoController, {}, {"u_max_V": "u_max"}),
 }
+#: What to write of a law that no section describes.
+OTHER_LAW = 'of any other law state `"type": "none"` (with `u_max_V` if known): it is not simulated'
 #: What stands for a controller that a file does not name.
 NONE = {"type": "none"}
 NOISE_KEYS = {"p_Pa": "p", "x_m": "x", "v_m_per_s": "v", "a_m_per_s2": "a"}
@@ -80,7 +83,10 @@ def read_controller(content: dict[str, Any]) -> Controller:
     """Return the controller that a section describes."""
     kind = choice("controller.type", content.get("type"), CONTROLLERS)
     make, needed, optional = CONTROLLERS[kind]
-    check_keys("controller", content, {*needed, "type"}, {*optional, "law"})
+    try:
+        check_keys("controller", content, {*needed, "type"}, {*optional, "law"})
+    except CaseError as error:
+        raise CaseError(f"{error}; {OTHER_LAW}") from None
     keys = {**needed, **{key: name for key, name in optional.items() if key in content}}
     controller: Controller = make(**{name: content[key] for key, name in keys.items()})
     return controller
