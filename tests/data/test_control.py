@@ -220,7 +220,7 @@ def test_a_section_with_a_fault_is_named(bench, section, message):
 def test_of_another_law_it_is_told_what_to_state(bench):
     controller = {"type": "cascade", "speed_gain": 0.6, "u_max_V": 5}
     with pytest.raises(
-        CaseError, match='missing key .*speed_gain`; of any other law state `"type"'
+        CaseError, match=r'missing key .*speed_gain`; of any other law state `"type"'
     ):
         bench_from_content(bench_content(bench) | {"controller": controller})
 
