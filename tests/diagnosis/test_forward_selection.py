@@ -12,6 +12,7 @@ from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.forward_selection import (
     _backtrack,
     _completed,
+    _may_be_named,
     _needs_more,
     acting_effects,
 )
@@ -113,3 +114,17 @@ def test_a_pair_that_only_corrects_a_coarse_map_is_no_better_partner(monkeypatch
     fits = {key: SimpleNamespace(cost=cost) for key, cost in costs.items()}
     pair = ("hose", "stribeck")
     assert _backtrack(SimpleNamespace(fits=fits), None, pair, None, ("hose",)) == pair
+
+
+@pytest.mark.parametrize(
+    ("left", "gap_left", "expected"),
+    [
+        (2.0, {}, True),
+        (6.0, {}, False),  # it will be `unknown`, whatever its effects contribute
+        (6.0, {FINAL: 0.3}, True),  # simulations decide
+    ],
+)
+def test_contributions_are_asked_of_models_that_may_be_named(left, gap_left, expected):
+    ledger = SimpleNamespace(fits={FINAL: fitted(left)}, gap_left=gap_left)
+    levels = BalanceLevels(np.ones(3), np.full(3, 100.0))
+    assert _may_be_named(ledger, fitted(10.0), FINAL, levels) is expected
