@@ -1,7 +1,9 @@
 """The five headline figures of the README, from the committed results."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
+
+from tables.sealed_checks import counted
 
 
 def headlines(
@@ -47,17 +49,11 @@ def coverage_range(result: Mapping[str, Any]) -> str:
     )
 
 
-def counted(checks: Sequence[Mapping[str, Any]], group: str, key: str) -> tuple[int, int]:
-    """Return how often something was right in several sealed checks, and of how many."""
-    shares = [check["scores"][group][key] for check in checks]
-    return sum(share["hits"] for share in shares), sum(share["of"] for share in shares)
-
-
 def named_alone(*checks: Mapping[str, Any]) -> str:
     """How often a visible hidden effect is named, and nothing else."""
-    hits, of = counted(checks, "visible", "right_first")
+    right = counted(checks, "scores", "visible", "right_first")
     return (
-        f"Of {of} hidden effects large enough to be seen in the record, {hits} "
+        f"Of {right.of} hidden effects large enough to be seen in the record, {right.hits} "
         f"were named, and nothing else with them (the last {len(checks)} sealed checks, "
         f"`python benchmarks/withheld.py --cases {checks[-1]['cases']}`)"
     )
@@ -65,12 +61,12 @@ def named_alone(*checks: Mapping[str, Any]) -> str:
 
 def false_alarms(*checks: Mapping[str, Any]) -> str:
     """Return false alarms and causes outside the catalogue, of the same checks."""
-    alarm, of = counted(checks, "all", "false_alarm")
-    unknown, outside = counted(checks, "all", "unknown_caught")
+    alarm = counted(checks, "scores", "all", "false_alarm")
+    unknown = counted(checks, "scores", "all", "unknown_caught")
     return (
-        f"In the same sealed checks: {alarm} false {'alarm' if alarm == 1 else 'alarms'} in {of} "
-        f"cases without an effect, and {unknown} of {outside} causes outside the catalogue called "
-        "`unknown`"
+        f"In the same sealed checks: {alarm.hits} false {'alarm' if alarm.hits == 1 else 'alarms'} "
+        f"in {alarm.of} cases without an effect, and {unknown.hits} of {unknown.of} causes outside "
+        "the catalogue called `unknown`"
     )
 
 

@@ -19,8 +19,6 @@ ASKED = {
     "false_unknown": "≤ 5",
     "located": "≥ 92 visible",
 }
-
-
 #: Asked of the check in which forms are drawn and half of the cases have weak effects besides.
 ASKED_OF_FORMS = {
     "right_first": "≥ 96 visible, ≥ 80 all",
@@ -96,11 +94,7 @@ def withheld_forms(result: Mapping[str, Any]) -> str:
     )
     body.append(["... share of the gap it closes", f"{term['closes']['median']:.2f}", "", "≥ 0.7"])
     body.append(["causes listed, or none: a term told", false, "", "≤ 3"])
-    error, exact = (
-        result["calibration"][key] for key in ("expected_calibration_error", "error_if_exact")
-    )
-    body.append(["expected calibration error", f"{error:.3f}", "", "≤ 0.05"])
-    body.append(["... mean of as many exact probabilities", f"{exact:.3f}", "", ""])
+    body += _calibration_rows(result["calibration"])
     return rows(["% (95 % interval) count", "all", "visible", "target"], body)
 
 
@@ -128,26 +122,23 @@ def several(calibration: Mapping[str, Any], *checks: Mapping[str, Any]) -> str:
     ):
         for key, text in texts:
             if key in asked:
-                shares = (share_text(_together(checks, part, scope, key)) for scope in SCOPES)
-                body.append([text, *shares, asked[key]])
-    together = calibration["together"]
-    body.append(
-        [
-            f"expected calibration error ({calibration['cases']} cases)",
-            f"{together['expected_calibration_error']:.3f}",
-            "",
-            "≤ 0.05",
-        ]
-    )
-    body.append(
-        ["... mean of as many exact probabilities", f"{together['error_if_exact']:.3f}", "", ""]
-    )
+                shares = (counted(checks, part, scope, key).as_dict() for scope in SCOPES)
+                body.append([text, *map(share_text, shares), asked[key]])
+    body += _calibration_rows(calibration["together"], f" ({calibration['cases']} cases)")
     head = f"{len(checks)} checks, {sum(check['cases'] for check in checks):,} cases"
     return rows([head, "all", "visible", "target"], body)
 
 
-def _together(
-    checks: Sequence[Mapping[str, Any]], part: str, scope: str, key: str
-) -> Mapping[str, Any]:
-    counted = [check[part][scope][key] for check in checks]
-    return Share(sum(s["hits"] for s in counted), sum(s["of"] for s in counted)).as_dict()
+def counted(checks: Sequence[Mapping[str, Any]], part: str, scope: str, key: str) -> Share:
+    """Return how often something was right in several sealed checks, and of how many."""
+    shares = [check[part][scope][key] for check in checks]
+    return Share(sum(share["hits"] for share in shares), sum(share["of"] for share in shares))
+
+
+def _calibration_rows(calibration: Mapping[str, Any], of: str = "") -> list[list[str]]:
+    """Return what probabilities are off, and what exact ones would seem to be."""
+    error, exact = calibration["expected_calibration_error"], calibration["error_if_exact"]
+    return [
+        [f"expected calibration error{of}", f"{error:.3f}", "", "≤ 0.05"],
+        ["... mean of as many exact probabilities", f"{exact:.3f}", "", ""],
+    ]
