@@ -11,8 +11,13 @@ from pneumo_casadi.effects.air.heat_transfer import (
     HeatTransferForced as HeatTransferForced,
 )
 from pneumo_casadi.effects.air.hose import Hose as Hose
+from pneumo_casadi.effects.air.hose import HosePerChamber as HosePerChamber
 from pneumo_casadi.effects.air.hose_sensor_at_valve import (
     HoseSensorAtValve as HoseSensorAtValve,
+)
+from pneumo_casadi.effects.air.hose_travel_time import HoseTravelTime as HoseTravelTime
+from pneumo_casadi.effects.air.hose_travel_time import (
+    HoseTravelTimePerChamber as HoseTravelTimePerChamber,
 )
 from pneumo_casadi.effects.air.hose_volume import HoseVolume as HoseVolume
 from pneumo_casadi.effects.air.hose_volume import (
@@ -21,6 +26,9 @@ from pneumo_casadi.effects.air.hose_volume import (
 from pneumo_casadi.effects.air.leakage import LeakageN as LeakageN
 from pneumo_casadi.effects.air.leakage import LeakageP as LeakageP
 from pneumo_casadi.effects.air.leakage import PistonSealLeakage as PistonSealLeakage
+from pneumo_casadi.effects.air.leakage import (
+    PistonSealLeakagePerDirection as PistonSealLeakagePerDirection,
+)
 from pneumo_casadi.effects.air.leakage import PistonSealLeakageScored as PistonSealLeakageScored
 from pneumo_casadi.effects.air.supply_droop import SupplyDroop as SupplyDroop
 from pneumo_casadi.effects.air.supply_droop_proportional import (
@@ -93,6 +101,7 @@ from pneumo_casadi.effects.valve.flow_map_shape import FlowMapShape as FlowMapSh
 from pneumo_casadi.effects.valve.flow_map_shape_fittings import (
     FlowMapShapeFittings as FlowMapShapeFittings,
 )
+from pneumo_casadi.effects.valve.valve_dead_time import ValveDeadTime as ValveDeadTime
 from pneumo_casadi.effects.valve.valve_dead_zone import ValveDeadZone as ValveDeadZone
 from pneumo_casadi.effects.valve.valve_dead_zone import (
     ValveDeadZonePerEdge as ValveDeadZonePerEdge,

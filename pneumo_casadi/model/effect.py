@@ -220,6 +220,15 @@ class Effect:
         """
         return ()
 
+    @classmethod
+    def credible_at(cls, values: Mapping[str, float]) -> Mapping[str, tuple[float, float]]:
+        """Return the plausible ranges at these values of the parameters, by short name.
+
+        Those of `credible`, unless the range of one depends on another.
+        """
+        del values
+        return cls.credible
+
     def hides(self, values: Mapping[str, float], bandwidth: float) -> bool:
         """Return whether the motion is hidden at these values of the parameters, by short name.
 

@@ -258,13 +258,18 @@ def test_the_regressor_of_an_effect_reproduces_its_equations_where_its_states_re
 
 @pytest.fixture(scope="module")
 def commanded(made, nominals):
-    """Commands and first state of each nominal axis under control for 0.8 s."""
+    """Commands and first states of each nominal axis under control for 0.8 s.
+
+    A servo axis begins a second time with its pressures exchanged: so either one is higher.
+    """
     runs = {kind: made.controlled(axis, 800, substeps=4) for kind, axis in nominals.items()}
-    return {kind: (u, x[:, 0]) for kind, (u, x) in runs.items()}
+    firsts = {kind: [x[:, 0]] for kind, (_, x) in runs.items()}
+    firsts["servo"].append(firsts["servo"][0][[1, 0, 2, 3]])
+    return {kind: (u, firsts[kind]) for kind, (u, _) in runs.items()}
 
 
-def shown(axis, u, x_0):
-    """A function of parameters: outputs over sensor noise along a free run, one column."""
+def shown(axis, u, firsts):
+    """A function of parameters: outputs over sensor noise along free runs, one column."""
     step = step_function(axis, Stepping(1e-3, InputHold.ZERO, substeps_for(axis, 1e-3)))
     N = len(u)
     run, show = step.mapaccum(N), axis.output.map(N)
@@ -273,8 +278,8 @@ def shown(axis, u, x_0):
     def at(values):
         theta = axis.parameters.with_values(values).values
         held = np.tile(theta[:, None], (1, N))
-        y = show(run(axis.rest(x_0, u[0], theta), u.T, held), u.T, held).full()
-        return (y / sigma[:, None]).ravel()
+        runs = (run(axis.rest(x_0, u[0], theta), u.T, held) for x_0 in firsts)
+        return np.hstack([show(x, u.T, held).full() / sigma[:, None] for x in runs]).ravel()
 
     return at
 
@@ -286,11 +291,11 @@ def test_a_record_holds_information_on_each_free_parameter_beside_the_others(
     """Freed in an output-error fit at its start, an effect has a finite covariance."""
     axis, nominal = pair
     kind = "servo" if axis.kind.chambers else "force-driven"
-    u, x_0 = commanded[kind]
+    u, firsts = commanded[kind]
     added = [item for item in started.parameters.items[len(nominal.parameters) :] if item.free]
     if not added:
         pytest.skip("scans find its parameters, none is free")
-    columns, at = [], shown(started, u, x_0)
+    columns, at = [], shown(started, u, firsts)
     for item in added:
         h = 1e-3 * item.scale
         below = h if item.value - h >= item.lower else 0.0

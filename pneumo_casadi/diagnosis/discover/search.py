@@ -118,7 +118,9 @@ def _search_curves(
     closures = {
         site: score(site, curve.basis, curve.coefficients)
         for curve, site in curves
-        if curve is not None and is_small(linear, site, curve)
+        if curve is not None
+        and is_small(linear, site, curve)
+        and linear.keeps_mass(site, curve.basis, curve.coefficients)
     }
     most = max([*closures.values(), near])
     ranked = sorted(closures, key=lambda site: -closures[site])
@@ -135,6 +137,8 @@ def _scored(
 ) -> Scored | None:
     fit = fit_formula(linear, site, FORMULAS[name], period)
     if fit is None or not is_small(linear, site, lambda d: fit.basis(d) @ fit.coefficients):
+        return None
+    if not linear.keeps_mass(site, fit.basis, fit.coefficients):
         return None
     return Scored(fit, score.of(fit))
 

@@ -14,22 +14,34 @@ LEAST_COMMAND_DELAY = 5e-4
 LEAST_MASS = 0.1
 
 
-def _require_mass(study: Study, effects: Sequence[Effect], values: Mapping[str, float]) -> None:
-    """Reject a model that has all but lost the mass of the data sheet.
+def moving_mass(effects: Sequence[Effect], values: Mapping[str, float]) -> float:
+    """Return the mass that moves in a model, those of its effects included [kg]."""
+    return values["M"] + sum(values[name] for name in masses_of(effects))
+
+
+def masses_of(effects: Sequence[Effect]) -> list[str]:
+    """Return the full names of the parameters that are masses of effects."""
+    return [f"{effect.name}.{short}" for effect in effects for short in effect.masses]
+
+
+def least_mass(study: Study) -> float:
+    """Return the mass that a model with effects keeps [kg]; 0 without a data sheet.
 
     Friction that cancels the force explains nothing: both sides of the force balance vanish, and
     its residual with them.
     """
-    stated = study.axis.bench.datasheet.get("M_kg")
-    if not stated:
-        return
-    own = [values[f"{effect.name}.{short}"] for effect in effects for short in effect.masses]
-    M = values["M"] + sum(own)
-    if effects and LEAST_MASS * stated > M:
+    return LEAST_MASS * (study.axis.bench.datasheet.get("M_kg") or 0.0)
+
+
+def _require_mass(study: Study, effects: Sequence[Effect], values: Mapping[str, float]) -> None:
+    """Reject a model that has all but lost the mass of the data sheet."""
+    M = moving_mass(effects, values)
+    if effects and least_mass(study) > M:
         names = " + ".join(effect.name for effect in effects)
         raise FitError(
-            f"{names}: M = {M:.3g} kg is not credible beside the {stated:.3g} kg of the data "
-            "sheet, the force balance vanishes: another effect acts"
+            f"{names}: M = {M:.3g} kg is not credible beside the "
+            f"{study.axis.bench.datasheet['M_kg']:.3g} kg of the data sheet, the force balance "
+            "vanishes: another effect acts"
         )
 
 
@@ -46,14 +58,16 @@ def require_credible(study: Study, effects: Sequence[Effect], values: Mapping[st
         Naming the parameter and what is known of it.
     """
     for effect in effects:
-        for name, (low, high) in effect.credible.items():
-            value = values[f"{effect.name}.{name}"]
+        prefix = f"{effect.name}."
+        own = {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
+        for name, (low, high) in effect.credible_at(own).items():
+            value = own[name]
             if not low <= value <= high:
                 raise FitError(
                     f"{effect.name}.{name} = {value:.3g} is not credible, by physics it is "
-                    f"{low:g} to {high:g}: another effect acts"
+                    f"{low:.3g} to {high:.3g}: another effect acts"
                 )
-        delays = {name: values[f"{effect.name}.{name}"] for name in effect.command_delays}
+        delays = {name: own[name] for name in effect.command_delays}
         name, least = max(delays, key=lambda n: delays[n], default=""), study.sampling_interval
         if delays and delays[name] < max(least, LEAST_COMMAND_DELAY):
             raise FitError(

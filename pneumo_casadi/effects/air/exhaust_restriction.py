@@ -37,7 +37,7 @@ class ExhaustRestriction(Effect):
             0.0,
             "1/m⁴",
             lower=0.0,
-            upper=1e13,
+            upper=1e15,
             scale=1e10,
             null=0.0,
             start=3e10,

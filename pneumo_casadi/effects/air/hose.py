@@ -1,13 +1,13 @@
 """Hose: the line between valve and chamber rings and takes pressure."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
 
 import casadi as ca
 
-from pneumo_casadi.effects.common.regular_lag import numerator
+from pneumo_casadi.effects.lags.regular_lag import numerator
 from pneumo_casadi.model.absorption import Absorption, Deviation
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair
@@ -17,6 +17,57 @@ from pneumo_casadi.parameters import Parameter
 P_LEAST = 0.02
 #: Volume of a chamber that no piston sweeps, over the volume of the whole stroke.
 UNSWEPT = 0.1
+#: Mean delay below which two hoses of different lengths fade out of the axis [s].
+LEAST_DELAY = 1e-6
+
+RESISTANCE = Parameter(
+    "R",
+    0.0,
+    "1/m⁴",
+    lower=0.0,
+    upper=2e13,
+    scale=1e9,
+    null=0.0,
+    start=5e9,
+    description="turbulent resistance, Δp = R q²/ρ",
+    source="λ L/(2 d A²): 6e8 (1 m of 8 mm) to 4e10 1/m⁴ (2 m of 4 mm), λ = 0.025",
+)
+DELAY = Parameter(
+    "delay",
+    0.0,
+    "s",
+    lower=0.0,
+    upper=0.05,
+    scale=5e-3,
+    null=0.0,
+    start=4e-3,
+    description="time constant D of the ringing before a large chamber",
+    source="2/π L/√(r T): 1.1-11 ms for 0.5-5 m",
+)
+ZETA = Parameter(
+    "zeta",
+    0.1,
+    "1",
+    lower=0.005,
+    upper=1.5,
+    scale=0.1,
+    null=0.1,
+    start=0.1,
+    description="damping of the ringing",
+    source="16 μ D/(ρ d²) of laminar flow: 0.01 (3 m of 6 mm) to 0.05; flow adds to it",
+)
+VOLUME = Parameter(
+    "V",
+    3e-5,
+    "m³",
+    lower=0.0,
+    upper=1e-3,
+    scale=1e-5,
+    null=3e-5,
+    start=3e-5,
+    description="volume of a hose, effective: other dead volumes count in it",
+    source="geometry: 14 ml (0.5 m of 6 mm) to 250 ml (5 m of 8 mm)",
+)
 
 
 class Hose(Effect):
@@ -48,7 +99,7 @@ class Hose(Effect):
     """
 
     name = "hose"
-    absorbed_by = Absorption(("V_P(0)", "V_N(0)"), Deviation.ABOVE)
+    absorbed_by: ClassVar[Absorption | None] = Absorption(("V_P(0)", "V_N(0)"), Deviation.ABOVE)
     equation = (
         "p_h² = p² + 2 r T R q|q|, q/q_valve = Π (1 + 2ζns + n²s²)/(1 + 2ζms + m²s²), m = n + D, "
         "D_1 = D √((V_c + V/4)/(V_c + V)), D_2 = D/3 √((V_c + 9V/64)/(V_c + V/4))"
@@ -61,56 +112,7 @@ class Hose(Effect):
     )
     # Friction of the small flows that ring: what damps as a controlled spool is the spool.
     credible = MappingProxyType({"zeta": (0.0, 0.5)})
-    parameters = (
-        Parameter(
-            "R",
-            0.0,
-            "1/m⁴",
-            lower=0.0,
-            upper=2e11,
-            scale=1e9,
-            null=0.0,
-            start=5e9,
-            description="turbulent resistance, Δp = R q²/ρ",
-            source="λ L/(2 d A²): 6e8 (1 m of 8 mm) to 4e10 1/m⁴ (2 m of 4 mm), λ = 0.025",
-        ),
-        Parameter(
-            "delay",
-            0.0,
-            "s",
-            lower=0.0,
-            upper=0.05,
-            scale=5e-3,
-            null=0.0,
-            start=4e-3,
-            description="time constant D of the ringing before a large chamber",
-            source="2/π L/√(r T): 1.1-11 ms for 0.5-5 m",
-        ),
-        Parameter(
-            "zeta",
-            0.1,
-            "1",
-            lower=0.005,
-            upper=1.5,
-            scale=0.1,
-            null=0.1,
-            start=0.1,
-            description="damping of the ringing",
-            source="16 μ D/(ρ d²) of laminar flow: 0.01 (3 m of 6 mm) to 0.05; flow adds to it",
-        ),
-        Parameter(
-            "V",
-            3e-5,
-            "m³",
-            lower=0.0,
-            upper=1e-3,
-            scale=1e-5,
-            null=3e-5,
-            start=3e-5,
-            description="volume of a hose, effective: other dead volumes count in it",
-            source="geometry: 14 ml (0.5 m of 6 mm) to 250 ml (5 m of 8 mm)",
-        ),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (RESISTANCE, DELAY, ZETA, VOLUME)
     states = tuple(
         State(f"{name}_{c}", unit, scale)
         for c in "PN"
@@ -126,7 +128,7 @@ class Hose(Effect):
         """Start with a steady flow."""
         rest: dict[str, Expression] = {}
         for c, q in zip("PN", entering["line"], strict=True):
-            for mode in _modes(c, at):
+            for mode in _modes(c, self.sizes(c, at), at):
                 rest |= {f"q{mode.name}": q, f"w{mode.name}": 2 * mode.zeta * mode.m * q}
         return rest
 
@@ -135,18 +137,61 @@ class Hose(Effect):
         rates: dict[str, Expression] = {}
         for c, entered in zip("PN", entering["line"], strict=True):
             q = entered
-            for mode in _modes(c, at):
+            for mode in _modes(c, self.sizes(c, at), at):
                 rates |= {f"q{mode.name}": mode.g / mode.m, f"w{mode.name}": q - mode.q}
                 q = mode.passed(q)
         return rates
 
     def outlet(self, p: Pair, at: Scope) -> Pair:
         """Add the pressure that the hose takes."""
-        return Pair(_at_the_valve(p.P, "P", at), _at_the_valve(p.N, "N", at))
+        pairs = zip("PN", p, strict=True)
+        return Pair(*(_at_the_valve(each, self.sizes(c, at).R, c, at) for c, each in pairs))
 
     def line(self, q_m: Pair, at: Scope) -> Pair:
         """Return the flow that arrives."""
-        return Pair(_arriving(q_m.P, "P", at), _arriving(q_m.N, "N", at))
+        arriving = []
+        for c, q in zip("PN", q_m, strict=True):
+            for mode in _modes(c, self.sizes(c, at), at):
+                q = mode.passed(q)
+            arriving.append(q)
+        return Pair(*arriving)
+
+    def sizes(self, c: str, at: Scope) -> "_Sizes":
+        """Return what there is of the hose to a chamber."""
+        return _Sizes(at["R"], at["delay"], at["V"])
+
+
+class HosePerChamber(Hose):
+    """Hoses of one bore and two lengths: the valve sits nearer to one end. One may be missing.
+
+    R and V are those of a hose of the mean length, with D = (D_P + D_N)/2.
+    """
+
+    name = "hose_per_chamber"
+    cause = "hose"
+    equation = "as of hose, with D_P and D_N; R and V of each in proportion to D_P and D_N"
+    generalises = "hose"
+    absorbed_by = None
+    parameters = (
+        RESISTANCE,
+        *(replace(DELAY, name=f"delay_{c}", description=f"{DELAY.description}, {c}") for c in "PN"),
+        ZETA,
+        VOLUME,
+    )
+
+    def sizes(self, c: str, at: Scope) -> "_Sizes":
+        """Return what there is of the hose to a chamber."""
+        mean = ca.fmax((at["delay_P"] + at["delay_N"]) / 2, LEAST_DELAY)
+        share = at[f"delay_{c}"] / mean
+        return _Sizes(share * at["R"], at[f"delay_{c}"], share * at["V"])
+
+
+class _Sizes(NamedTuple):
+    """Resistance [1/m⁴], time constant D [s] and volume [m³] of a hose."""
+
+    R: Expression
+    delay: Expression
+    V: Expression
 
 
 @dataclass(frozen=True)
@@ -176,9 +221,9 @@ class _Mode:
         return self.q + share**2 * (q - self.q) + swing
 
 
-def _modes(c: str, at: Scope) -> tuple[_Mode, ...]:
+def _modes(c: str, of: _Sizes, at: Scope) -> tuple[_Mode, ...]:
     """Return the modes of the line to a chamber, in the order in which a flow passes them."""
-    stroke, V = at.axis["stroke"], at["V"]
+    stroke, V = at.axis["stroke"], of.V
     swept = ca.fmax(stroke / 2 + (at.x if c == "P" else -at.x), 0.0)
     chamber = at.axis[f"S_{c}"] * (swept + UNSWEPT * stroke)
     shares = {
@@ -186,18 +231,12 @@ def _modes(c: str, at: Scope) -> tuple[_Mode, ...]:
         f"_{c}": ca.sqrt((chamber + V / 4) / (chamber + V)),
     }
     return tuple(
-        _Mode(name, at["delay"] * share, at["zeta"] * share, at[f"q{name}"], at[f"w{name}"])
+        _Mode(name, of.delay * share, at["zeta"] * share, at[f"q{name}"], at[f"w{name}"])
         for name, share in shares.items()
     )
 
 
-def _arriving(q: Expression, c: str, at: Scope) -> Expression:
-    for mode in _modes(c, at):
-        q = mode.passed(q)
-    return q
-
-
-def _at_the_valve(p: Expression, c: str, at: Scope) -> Expression:
+def _at_the_valve(p: Expression, R: Expression, c: str, at: Scope) -> Expression:
     q = at[f"q_{c}"]
-    square = p**2 + 2 * at.axis["r"] * at.axis["T"] * at["R"] * q * ca.fabs(q)
+    square = p**2 + 2 * at.axis["r"] * at.axis["T"] * R * q * ca.fabs(q)
     return ca.sqrt(ca.fmax(square, (P_LEAST * p) ** 2))

@@ -6,9 +6,9 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi.effects.common.hose_volume_line import (
-    CREDIBLE,
     PARAMETERS,
     SOURCE,
+    credible_volume,
     hose_capacity,
     hose_flow,
     hose_share,
@@ -37,9 +37,13 @@ class HoseSensorAtValve(Effect):
     confused_with = ("hose", "pressure_sensor_lag", "f_v", "X_s1", "X_s4")
     separated_by = "sensors at the valve beside those at the chamber"
     through_states = True
-    credible = CREDIBLE
     parameters = PARAMETERS
     states = tuple(State(f"p_{c}", "Pa", 1e5) for c in "PN")
+
+    @classmethod
+    def credible_at(cls, values: Mapping[str, float]) -> Mapping[str, tuple[float, float]]:
+        """Return the range of the volume."""
+        return credible_volume(values)
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with the chamber at the pressure of the hose."""
@@ -61,12 +65,12 @@ class HoseSensorAtValve(Effect):
 
     def chamber_pressure(self, p: Pair, at: Scope) -> Pair:
         """Return the pressures in the chambers in the place of those shown."""
-        w = hose_share(at["V"])
+        w = hose_share(at["V"], at)
         return Pair(*(shown + w * (at[f"p_{c}"] - shown) for c, shown in zip("PN", p, strict=True)))
 
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
         """Return what the valve sends and the hose does not pass on; it displaces nothing."""
-        w = hose_share(at["V"])
+        w = hose_share(at["V"], at)
         flows = []
         for (c, q), nominal, sent in zip(_passed(at), q_m, at.entering["line"], strict=True):
             displaced = _displaced(at, c) * getattr(at.p, c) * at.v
@@ -75,7 +79,7 @@ class HoseSensorAtValve(Effect):
 
     def capacity(self, C: Pair, at: Scope) -> Pair:
         """Return the capacity of the hose, where the sensor sits."""
-        w = hose_share(at["V"])
+        w = hose_share(at["V"], at)
         return Pair(*(nominal + w * (hose_capacity(at["V"], at) - nominal) for nominal in C))
 
 

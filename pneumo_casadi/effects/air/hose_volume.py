@@ -2,18 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import casadi as ca
 
 from pneumo_casadi.effects.common.hose_volume_line import (
     CONDUCTANCE,
-    CREDIBLE,
     LAMINAR,
     PARAMETERS,
     SOURCE,
     VOLUME,
+    credible_volume,
     hose_capacity,
     hose_flow,
     hose_share,
@@ -45,9 +44,13 @@ class HoseVolume(Effect):
     separated_by = (
         "steps at both ends of the stroke; sensors at the valve beside those at the chamber"
     )
-    credible = CREDIBLE
     parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     states = tuple(State(f"p_{c}", "Pa", 1e5) for c in "PN")
+
+    @classmethod
+    def credible_at(cls, values: Mapping[str, float]) -> Mapping[str, tuple[float, float]]:
+        """Return the range of the volume."""
+        return credible_volume(values)
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with the hose at the pressure of the chamber."""
@@ -63,12 +66,12 @@ class HoseVolume(Effect):
     def outlet(self, p: Pair, at: Scope) -> Pair:
         """Let the valves work against the pressure in the hose."""
         hoses = zip("PN", p, self.volumes(at), strict=True)
-        return Pair(*(shown + hose_share(V) * (at[f"p_{c}"] - shown) for c, shown, V in hoses))
+        return Pair(*(shown + hose_share(V, at) * (at[f"p_{c}"] - shown) for c, shown, V in hoses))
 
     def line(self, q_m: Pair, at: Scope) -> Pair:
         """Return the flow through the restriction."""
         hoses = zip("PN", q_m, self.volumes(at), strict=True)
-        return Pair(*(q + hose_share(V) * (_through(at, c) - q) for c, q, V in hoses))
+        return Pair(*(q + hose_share(V, at) * (_through(at, c) - q) for c, q, V in hoses))
 
     def volumes(self, at: Scope) -> Pair:
         """Return the volume of each hose [m³]."""
@@ -93,7 +96,11 @@ class HoseVolumePerChamber(HoseVolume):
         CONDUCTANCE,
         LAMINAR,
     )
-    credible = MappingProxyType({})  # a hose may be missing
+
+    @classmethod
+    def credible_at(cls, values: Mapping[str, float]) -> Mapping[str, tuple[float, float]]:
+        """Return no range: a hose may be missing."""
+        return {}
 
     def volumes(self, at: Scope) -> Pair:
         """Return the volume of each hose [m³]."""

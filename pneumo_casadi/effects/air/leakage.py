@@ -34,9 +34,9 @@ VISCOUS = Parameter(
 )
 
 
-def _conductance(what: str) -> Parameter:
+def _conductance(what: str, name: str = "C") -> Parameter:
     return Parameter(
-        "C",
+        name,
         0.0,
         "m³/(s Pa)",
         lower=0.0,
@@ -49,14 +49,14 @@ def _conductance(what: str) -> Parameter:
     )
 
 
-def _leak(at: Scope, p_1: Expression, p_2: Expression) -> Expression:
-    """Return the leak from side 1 to side 2 [kg/s].
+def _leak(at: Scope, C: Expression, p_1: Expression, p_2: Expression) -> Expression:
+    """Return the leak of conductance C from side 1 to side 2 [kg/s].
 
     Orifice and gap pass the same from the supply to the outside, C ρ₀ p_s.
     """
     p_s, p_ext = at.axis["p_supply"], at.axis["p_ext"]
-    gap = at["C"] * RHO_ANR * p_s * (p_1**2 - p_2**2) / (p_s**2 - p_ext**2)
-    hole = orifice_expression(at["C"], B_LEAK, M_LEAK, p_1, p_2, at.axis["T"])
+    gap = C * RHO_ANR * p_s * (p_1**2 - p_2**2) / (p_s**2 - p_ext**2)
+    hole = orifice_expression(C, B_LEAK, M_LEAK, p_1, p_2, at.axis["T"])
     return (1 - at["viscous"]) * hole + at["viscous"] * gap
 
 
@@ -78,12 +78,34 @@ class PistonSealLeakage(Effect):
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
         """Move the leak from one chamber to the other."""
-        leak = _leak(at, at.p.P, at.p.N) * self._share(at)
+        leak = _leak(at, self._conductance(at), at.p.P, at.p.N)
         return Pair(q_m.P - leak, q_m.N + leak)
 
-    def _share(self, at: Scope) -> Expression:
-        """Return the share of the conductance that is felt where the piston is."""
-        return 1.0
+    def _conductance(self, at: Scope) -> Expression:
+        """Return the conductance of the seal where the piston is."""
+        return at["C"]
+
+
+class PistonSealLeakagePerDirection(PistonSealLeakage):
+    """Leak past lips of which each seals one direction, with a conductance of its own.
+
+    One of them may be sound: the other turns inside out or is cut.
+    """
+
+    name = "piston_seal_leakage_per_direction"
+    cause = "piston_seal_leakage"
+    equation = "as of piston_seal_leakage, with C_P where p_P > p_N and C_N where p_N > p_P"
+    shows = "mass flow balances of both chambers, opposite, most for one sign of p_P − p_N"
+    generalises = "piston_seal_leakage"
+    parameters = (
+        _conductance("past the piston while p_P is higher", "C_P"),
+        _conductance("past the piston while p_N is higher", "C_N"),
+        VISCOUS,
+    )
+
+    def _conductance(self, at: Scope) -> Expression:
+        """Return the conductance of the lip that the higher pressure lifts."""
+        return ca.if_else(at.p.P > at.p.N, at["C_P"], at["C_N"])
 
 
 class PistonSealLeakageScored(PistonSealLeakage):
@@ -137,9 +159,10 @@ class PistonSealLeakageScored(PistonSealLeakage):
         ),
     )
 
-    def _share(self, at: Scope) -> Expression:
+    def _conductance(self, at: Scope) -> Expression:
+        """Return the conductance while the piston passes the score."""
         away = at.x / at.axis["stroke"] - at["s"]
-        return ca.exp(-((away / at["w"]) ** 4))
+        return at["C"] * ca.exp(-((away / at["w"]) ** 4))
 
 
 class LeakageP(Effect):
@@ -159,7 +182,7 @@ class LeakageP(Effect):
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
         """Take the leak from chamber P."""
-        return Pair(q_m.P - _leak(at, at.p.P, at.axis["p_ext"]), q_m.N)
+        return Pair(q_m.P - _leak(at, at["C"], at.p.P, at.axis["p_ext"]), q_m.N)
 
 
 class LeakageN(Effect):
@@ -179,4 +202,4 @@ class LeakageN(Effect):
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
         """Take the leak from chamber N."""
-        return Pair(q_m.P, q_m.N - _leak(at, at.p.N, at.axis["p_ext"]))
+        return Pair(q_m.P, q_m.N - _leak(at, at["C"], at.p.N, at.axis["p_ext"]))

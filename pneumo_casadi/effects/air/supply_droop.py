@@ -49,3 +49,8 @@ class SupplyDroop(Reservoir, Effect):
         """Return what the feed passes, of a regulator that is wide open after a small droop."""
         p_feed, T = at.axis["p_supply"], at.axis["T"]
         return orifice_expression(at["C"], B_FEED, M_FEED, p_feed, p_s, T, RATIO_FEED)
+
+    def steepest(self, at: Scope) -> Expression:
+        """Return the slope where the flow is still proportional to the droop."""
+        p_feed = at.axis["p_supply"]
+        return self.refill(RATIO_FEED * p_feed, at) / ((1 - RATIO_FEED) * p_feed)

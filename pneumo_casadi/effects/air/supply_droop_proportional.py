@@ -30,7 +30,7 @@ class SupplyDroopProportional(Reservoir, Effect):
             "G",
             3e-8,
             "kg/(s Pa)",
-            lower=1e-9,
+            lower=1e-10,
             upper=1e-6,
             scale=1e-8,
             null=3e-8,
@@ -44,3 +44,7 @@ class SupplyDroopProportional(Reservoir, Effect):
     def refill(self, p_s: Expression, at: Scope) -> Expression:
         """Return what the regulator lets in, in proportion to the droop."""
         return at["G"] * ca.fmax(at["d"], 0.0)
+
+    def steepest(self, at: Scope) -> Expression:
+        """Return the slope of the regulator."""
+        return at["G"]

@@ -1,6 +1,6 @@
 """Volume at the valve behind a turbulent conductance: what the hoses with a volume share."""
 
-from types import MappingProxyType
+from collections.abc import Mapping
 
 import casadi as ca
 
@@ -13,9 +13,8 @@ from pneumo_casadi.valve.orifice import orifice_expression
 B_HOSE, M_HOSE = 0.3, 0.5
 #: Volume below which the hose fades out of the axis [m³]: 10 cm of 6 mm bore.
 V_REGULAR = 3e-6
-
-#: A smaller volume is a blend of two axes, and none that could be built.
-CREDIBLE = MappingProxyType({"V": (V_REGULAR, 1e-3)})
+#: The same over the conductance of the hose, where that is less [s Pa]: it fills in 10 ms at 1 bar.
+REGULAR_RATIO = 1e3
 SOURCE = "mass balance of a volume at one temperature; ISO 6358-1:2013 for hose and fittings"
 VOLUME = Parameter(
     "V",
@@ -33,7 +32,7 @@ CONDUCTANCE = Parameter(
     "C",
     6e-9,
     "m³/(s Pa)",
-    lower=5e-10,
+    lower=5e-11,
     upper=1e-7,
     scale=2e-9,
     null=6e-9,
@@ -56,14 +55,28 @@ LAMINAR = Parameter(
 PARAMETERS = (VOLUME, CONDUCTANCE, LAMINAR)
 
 
-def hose_share(V: Expression) -> Expression:
-    """Return the share w of a hose in the model: 0 without a volume, 1 from 10 ml on."""
-    return 1 - ca.exp(-V / V_REGULAR)
+def regular_volume(C: Expression) -> Expression:
+    """Return the volume V_0 below which a hose of conductance C fades out of the axis [m³].
+
+    That of 10 cm of 6 mm bore, or less where the hose is so narrow that it would fill slowly still.
+    """
+    return ca.fmin(V_REGULAR, REGULAR_RATIO * C)
+
+
+def credible_volume(values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Return the range of V: a smaller volume is a blend of two axes, and none to be built."""
+    return {"V": (float(regular_volume(values["C"])), 1e-3)}
+
+
+def hose_share(V: Expression, at: Scope) -> Expression:
+    """Return the share w of a hose in the model: 0 without a volume, 1 from three V_0 on."""
+    return 1 - ca.exp(-V / regular_volume(at["C"]))
 
 
 def hose_capacity(V: Expression, at: Scope) -> Expression:
     """Return V/(r T) [kg/Pa], which stays positive where the hose fades out."""
-    return (V + V_REGULAR * (1 - hose_share(V))) / (at.axis["r"] * at.axis["T"])
+    least = regular_volume(at["C"]) * (1 - hose_share(V, at))
+    return (V + least) / (at.axis["r"] * at.axis["T"])
 
 
 def hose_flow(at: Scope, p_h: Expression, p: Expression) -> Expression:

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+import casadi as ca
+
 from pneumo_casadi.effects.common.internal_leakage import drawn
 from pneumo_casadi.model.effect import Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair, Supply
@@ -13,13 +15,16 @@ PER_VOLUME = Parameter(
     0.0,
     "1/m³",
     lower=0.0,
-    upper=1e4,
+    upper=1e6,
     scale=1e3,
     null=0.0,
     start=1e3,
     description="inverse of the reservoir's volume",
-    source="0.1-10 litre: 1e4 to 1e2 1/m³",
+    source="0.1-10 litre: 1e4 to 1e2 1/m³; a feed line without a reservoir: 1e5 (10 ml) and more",
 )
+
+#: Time in which a droop rises at least [s]: what is faster is as good as none, and stiff.
+FASTEST = 5e-4
 
 
 class Reservoir:
@@ -29,7 +34,8 @@ class Reservoir:
     within one or two seconds. Without heat exchange the same pressures would mean a volume γ times
     as large; the recorded channels cannot distinguish the two. At 1/V = 0, the null value, the
     reservoir is infinite and does not droop; the derivatives there are exact. A record begins at
-    the supply pressure: what leaks then lowers it for good, within tenths of a second.
+    the supply pressure: what leaks then lowers it for good, within tenths of a second. A volume so
+    small that the droop would rise in less than `FASTEST` counts as one in which it takes as long.
     """
 
     measured_by: ClassVar[str] = "p_supply"
@@ -52,10 +58,16 @@ class Reservoir:
         """Balance of the reservoir at one temperature."""
         p_s = at.axis["p_supply"] - at["d"]
         lost = drawn(entering["valve_flow"], p_s, at) - self.refill(p_s, at)
-        return {"d": at.axis["r"] * at.axis["T"] * at["per_volume"] * lost}
+        r_T = at.axis["r"] * at.axis["T"]
+        per_volume = ca.fmin(at["per_volume"], 1 / (FASTEST * r_T * self.steepest(at)))
+        return {"d": r_T * per_volume * lost}
 
     def refill(self, p_s: Expression, at: Scope) -> Expression:
         """Return what the regulator lets in at the pressure of the reservoir [kg/s]."""
+        raise NotImplementedError
+
+    def steepest(self, at: Scope) -> Expression:
+        """Return what the regulator lets in per droop, at the most [kg/(s Pa)]."""
         raise NotImplementedError
 
     def supply(self, ports: Supply, at: Scope) -> Supply:

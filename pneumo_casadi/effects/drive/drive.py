@@ -5,7 +5,7 @@ from typing import Any
 
 import casadi as ca
 
-from pneumo_casadi.effects.common.regular_lag import lag_rate, lagged
+from pneumo_casadi.effects.lags.regular_lag import lag_rate, lagged
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter

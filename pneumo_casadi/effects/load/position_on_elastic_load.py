@@ -9,7 +9,7 @@ import casadi as ca
 
 from pneumo_casadi.effects.common.contact import CREDIBLE_PLAY, PLAY, touching, within
 from pneumo_casadi.effects.common.progression import PROGRESSION, PROGRESSIONS
-from pneumo_casadi.effects.common.regular_lag import numerator
+from pneumo_casadi.effects.lags.regular_lag import numerator
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.friction_law import friction_force, smoothed_sign
 from pneumo_casadi.model.junctions import Expression, Pair

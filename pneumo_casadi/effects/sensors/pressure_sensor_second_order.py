@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pneumo_casadi.effects.common.late_pressures import LatePressures, delay
-from pneumo_casadi.effects.common.second_order_lag import second_order_lagged, second_order_rate
+from pneumo_casadi.effects.lags.second_order_lag import second_order_lagged, second_order_rate
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter

@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 from pneumo_casadi.effects.common.late_pressures import LatePressures, delay
-from pneumo_casadi.effects.common.regular_lag import lag_rate, lagged
+from pneumo_casadi.effects.lags.regular_lag import lag_rate, lagged
 from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair

@@ -16,6 +16,7 @@ from pneumo_casadi.diagnosis.discover.linear.rows import Basis, Rows
 from pneumo_casadi.diagnosis.discover.linear.signals import Signals
 from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
+from pneumo_casadi.diagnosis.prepare.credible import least_mass, masses_of, moving_mass
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
@@ -48,6 +49,10 @@ class Linearised:
     e_map, A_map : (p,) and (p, n) array
         Residuals of the flow map and their derivatives, which hold the scale of the flows, and
         those of the priors of effects.
+    mass, least_mass : float
+        What moves in the model [kg], and what must be left of it; see `least_mass`.
+    mass_of : (n,) array
+        Mass in each scaled parameter [kg]; zero for most.
     """
 
     names: tuple[str, ...]
@@ -56,6 +61,9 @@ class Linearised:
     held_out: Rows
     e_map: FloatArray
     A_map: FloatArray
+    mass: float
+    least_mass: float
+    mass_of: FloatArray
 
     @cached_property
     def in_longest_record(self) -> "Linearised":
@@ -135,6 +143,14 @@ class Linearised:
         U, s, Vt, size = self._svd
         return np.asarray(-(Vt.T @ ((U.T @ e) / s)) / size)
 
+    def keeps_mass(self, site: Site, basis: Basis, c: FloatArray) -> bool:
+        """Return whether the mass stays credible once the parameters are refitted to a term.
+
+        A term in proportion to the force itself would else explain all.
+        """
+        e = self.e + np.append(self.train.columns(site, basis) @ c, np.zeros(self.e_map.size))
+        return bool(self.mass + self.mass_of @ self.parameter_change(e) >= self.least_mass)
+
     def predicted(
         self, site: Site, basis: Basis, c: FloatArray, refitted: bool = True
     ) -> tuple[FloatArray, FloatArray]:
@@ -176,6 +192,7 @@ def linearise(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> L
         {name: value for name, value in fitted.values.items() if "." not in name}
     )
     e_map, A_map = _known_beforehand(study, model, effects)
+    masses = ("M", *masses_of(effects))
 
     def rows(motions: Sequence[SmoothedMotion]) -> Rows:
         e, A, used = [], [], []
@@ -196,7 +213,17 @@ def linearise(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> L
         )
 
     train, held_out = study.smoothed
-    return Linearised(model.free, scales, rows(train), rows(held_out), e_map, A_map * scales)
+    return Linearised(
+        model.free,
+        scales,
+        rows(train),
+        rows(held_out),
+        e_map,
+        A_map * scales,
+        moving_mass(effects, fitted.values),
+        least_mass(study),
+        scales * [name in masses for name in model.free],
+    )
 
 
 def _known_beforehand(

@@ -8,7 +8,7 @@ grows, and what is left has the natural frequency ω_n = 2ζ/τ and the damping 
 which follows the value, and its rate g.
 """
 
-from pneumo_casadi.effects.common.regular_lag import numerator
+from pneumo_casadi.effects.lags.regular_lag import numerator
 from pneumo_casadi.model.junctions import Expression
 
 

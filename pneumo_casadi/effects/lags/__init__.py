@@ -1,0 +1,1 @@
+"""Lags and delays that are regular where they vanish."""
