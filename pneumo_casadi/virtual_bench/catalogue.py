@@ -106,7 +106,7 @@ def forms_of(cause: str) -> tuple[str, ...]:
     Examples
     --------
     >>> forms_of("hose")
-    ('hose', 'hose_volume', 'hose_volume_uneven', 'hose_volume_at_valve')
+    ('hose', 'hose_uneven', 'hose_volume', 'hose_volume_uneven', 'hose_volume_at_valve')
     """
     return tuple(name for name, form in ALL_FORMS.items() if form.cause == cause)
 

@@ -151,6 +151,7 @@ FORMS = (
         cause=FLOW_MAP_SHAPE.name,
         kernel="flow_map_shape_fittings",
     ),
+    _form(HOSE, "uneven", HOSE.equation + "; that of chamber N a quarter as long", at_N=0.25),
     EffectForm(
         "hose_volume",
         _HOSE_EQUATION.format("p"),
@@ -209,6 +210,14 @@ FORMS = (
         "(1.4/ω) ṡ = u − s; valve N five times as fast",
         first_order=1.0,
         at_N=0.2,
+    ),
+    EffectForm(
+        "valve_dynamics_dead_time",
+        "s = u(t − T), T in whole samples",
+        (Size("T", "s", (3e-3, 7e-3, 1.6e-2), description="dead time T"),),
+        note="shows at every change of the command",
+        cause=VALVE_DYNAMICS.name,
+        kernel="valve_dead_time",
     ),
     _form(LEAKAGE_P, "orifice", "orifice of ISO 6358 from chamber P to ambient", orifice=1.0),
     _form(LEAKAGE_N, "orifice", "orifice of ISO 6358 from chamber N to ambient", orifice=1.0),

@@ -64,6 +64,7 @@ HOSE = EffectForm(
     ),
     absorbed_by=("X_s1", "X_s4"),
     note="slow motion sees its volume alone, as a dead volume",
+    constants={"at_N": 1.0},
 )
 SUPPLY_DROOP = EffectForm(
     "supply_droop",

@@ -1,6 +1,7 @@
 """An effect that simulations alone show."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,6 +27,7 @@ LEVELS = BalanceLevels(np.ones(3), np.full(3, 100.0))
 class SimpleFit:
     effects: tuple[str, ...]
     cost: float = 0.0
+    values: Mapping[str, float] = field(default_factory=dict)
 
 
 def leaving(force, cost=0.0):
@@ -39,13 +41,14 @@ def leaving(force, cost=0.0):
 def search(monkeypatch):
     """Return a search: shares left as fitted alone, and once refined; what was refined."""
 
-    def searched(alone, refined, *, shown=True, lower=0.5, left_out=()):
+    def searched(alone, refined, *, shown=True, lower=0.5, left_out=(), beside=None, remaining=1.0):
         worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
         worker.fits = {(name,): SimpleFit((name,)) for name in alone if name not in left_out}
         worker.left_out = set(left_out)
         worker.simulations = SimpleNamespace(
             alone_show_gap=lambda nominal, levels: shown,
-            share=lambda nominal, fit, effects: alone[fit.effects[0]],
+            share=lambda nominal, fit, effects: (alone | (beside or {}))[fit.effects[0]],
+            leave_gap=lambda fit, effects: shown,
             closure=lambda nominal, fit, effects: Closure(1 - lower / 2, lower, 1.0),
         )
         tried = []
@@ -53,14 +56,17 @@ def search(monkeypatch):
         def refine_all(ledger, nominal, starts):
             tried.extend(starts)
             for names, start in starts.items():
-                ledger.trials[names] = start, refined[names[0]]
+                ledger.trials[names] = start, refined[names[-1]]
 
         monkeypatch.setattr(worker, "begin_simulations", lambda fits: None)
         monkeypatch.setattr(
             worker, "fit_all", lambda starts: worker.fits.update({k: SimpleFit(k) for k in starts})
         )
         monkeypatch.setattr(by_simulation, "refine_all", refine_all)
-        return find_in_simulation(worker, leaving(1.0), LEVELS), tried, worker
+        known = tuple(beside or ())
+        if known:
+            worker.fits[known] = replace(leaving(remaining), effects=known)
+        return find_in_simulation(worker, leaving(1.0), known, LEVELS), tried, worker
 
     return searched
 
@@ -102,6 +108,27 @@ def test_the_balances_have_not_chosen_the_form(search):
 def test_what_corrects_a_map_is_not_simulated(search):
     names, tried, _ = search({"valve_null_shift": 0.1, "flow_map_shape": 0.1}, {})
     assert names is None and not tried
+
+
+def test_what_weak_effects_leave_in_simulation_is_explained_beside_them(search):
+    """The balances, of the motion that was measured, show next to nothing of a breakaway."""
+    weak = {"pressure_sensor_bias": 0.98}
+    names, tried, worker = search(
+        {"stribeck": 0.5, "presliding": 0.9}, {"stribeck": 0.1}, beside=weak
+    )
+    assert names == ("pressure_sensor_bias", "stribeck") and tried == [names]
+    assert worker.by_simulation and worker.gap_left == {names: 0.1}
+
+
+@pytest.mark.parametrize(
+    "other",
+    [{"beside": {"pressure_sensor_bias": 0.4}}, {"remaining": 2.0}, {"shown": False}],
+    ids=["explained", "balances open", "no gap"],
+)
+def test_where_weak_effects_explain_it_or_balances_tell_nothing_is_added(search, other):
+    given = {"beside": {"pressure_sensor_bias": 0.98}, **other}
+    names, tried, worker = search({"stribeck": 0.5}, {"stribeck": 0.1}, **given)
+    assert names is None and not tried and not worker.by_simulation
 
 
 def selected(left, force=1.0):

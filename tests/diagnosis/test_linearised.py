@@ -5,6 +5,7 @@ import pytest
 
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.discover.linear.linearised import linearise
+from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.screen.background import background
 from pneumo_casadi.effects import EFFECTS
@@ -31,3 +32,17 @@ def test_a_refit_absorbs_no_more_than_the_prior_of_a_curve_allows(curved):
     taken = behind.Q.T @ behind.e
     assert taken @ taken < 1e-3 * (behind.e @ behind.e)
     assert not np.any(behind.of_balance[:, -1])  # a row of the prior belongs to no balance
+
+
+def test_a_term_that_cancels_inertia_is_none(curved):
+    """Friction as large as |p_P − p_N| times the area had been told of a vibration, closing all."""
+    linear = linearise(*curved)
+    motion, M = linear.train.motions[0], linear.mass
+    site = Site(("force",), "1", "t")
+
+    def inertia(t):
+        return np.interp(t, motion.t, motion.dx[-1])[:, None]
+
+    kept = {share: linear.keeps_mass(site, inertia, np.array([share * M])) for share in (-1, 0, 1)}
+    assert kept[0] and list(kept.values()).count(False) == 1
+    assert all(linear.keeps_mass(site, inertia, np.array([s * M])) for s in (-0.5, 0.5))

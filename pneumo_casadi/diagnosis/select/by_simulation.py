@@ -4,10 +4,13 @@ Bristles hold a piston where Coulomb friction lets it break away: within half a 
 is far off, and the balances, of the motion that was measured, show next to nothing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+import numpy as np
+
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.select.acceptance import corrects_map
 from pneumo_casadi.diagnosis.select.complete import Completed, find_acting
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
@@ -17,19 +20,22 @@ from pneumo_casadi.diagnosis.select.refined_trials import refine_all
 
 
 def find_in_simulation(
-    ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels
+    ledger: FitLedger, nominal: FittedModel, known: Names, levels: BalanceLevels
 ) -> Names | None:
-    """Return the effect that explains a gap which simulations alone show, if there is one.
+    """Return a model with the effect that explains a gap which simulations alone show, if any.
 
-    Every effect is simulated as fitted alone. The few that close enough of the gap are refined by
-    output error, with the other forms of the best one's cause, of which the balances tell nothing.
-    The best of these must leave half of the gap at most, and surely close what a further effect
-    must. What corrects a flow map is left out: a refinement holds the map.
+    The balances show no gap, or none is left beside the effects `known`, weak ones, which leave
+    most of what simulations show. Every effect is simulated as fitted alone. The few that close
+    enough of the gap are refined by output error, with the other forms of the best one's cause, of
+    which the balances tell nothing. The best of these must leave half of the gap at most, and
+    surely close what a further effect must. What corrects a flow map is left out: a refinement
+    holds the map.
     """
     criteria, simulations = levels.criteria, ledger.simulations
-    if not simulations.alone_show_gap(nominal, levels):
+    if not _simulations_alone_show_gap(ledger, nominal, known, levels):
         return None
-    left = _left_alone(ledger, nominal, ledger.extensions(()))
+    alone = {key: fit for key, fit in ledger.extensions(()).items() if key[0] not in known}
+    left = _left_alone(ledger, nominal, alone)
     if left and min(left.values()) <= criteria.closed:
         (best,) = min(left, key=left.__getitem__)
         others = other_forms_of(ledger, best)
@@ -37,18 +43,49 @@ def find_in_simulation(
         ledger.fit_all(forms)
         left |= _left_alone(ledger, nominal, {k: ledger.fits[k] for k in forms if k in ledger.fits})
     near = sorted((names for names in left if left[names] <= criteria.closed), key=left.__getitem__)
-    refine_all(ledger, nominal, {names: ledger.fits[names] for names in near[:TRIED]})
-    refined = {names: ledger.trials[names][1] for names in near[:TRIED]}
+    starts = _beside(ledger, known, [names[0] for names in near[:TRIED]])
+    refine_all(ledger, nominal, starts)
+    refined = {names: ledger.trials[names][1] for names in starts}
     chosen = min(refined, key=refined.__getitem__, default=None)
     if chosen is None or refined[chosen] > criteria.unexplained:
         return None
     closed = simulations.closure(nominal, ledger.trials[chosen][0], ledger.effects(chosen))
     if closed.lower < 1.0 - criteria.closed:
         return None
-    stand_for_cause(ledger, *chosen)
+    for name in chosen:
+        stand_for_cause(ledger, name)
     ledger.take(chosen)
     ledger.by_simulation = True
     return chosen
+
+
+def _simulations_alone_show_gap(
+    ledger: FitLedger, nominal: FittedModel, known: Names, levels: BalanceLevels
+) -> bool:
+    """Return whether simulations show a gap where balances are explained by effects known."""
+    simulations, criteria = ledger.simulations, levels.criteria
+    if not known:
+        return simulations.alone_show_gap(nominal, levels)
+    fitted, effects = ledger.fits[known], ledger.effects(known)
+    if np.any(levels.exceeded(residual_rms(fitted), criteria.visible)):
+        return False
+    if simulations.share(nominal, fitted, effects) <= criteria.unexplained:
+        return False
+    return simulations.leave_gap(fitted, effects)
+
+
+def _beside(ledger: FitLedger, known: Names, names: Sequence[str]) -> dict[Names, FittedModel]:
+    """Return the balances' fits of some effects beside those known."""
+    alone = {name: ledger.fits[name,].values for name in names}
+    if known:
+        values = ledger.fits[known].values
+        starts = {
+            ledger.key((*known, name)): Start({**values, **values_of(name, alone[name])})
+            for name in names
+        }
+        ledger.fit_all(starts)
+    keys = [ledger.key((*known, name)) for name in names]
+    return {key: ledger.fits[key] for key in keys if key in ledger.fits}
 
 
 def _left_alone(

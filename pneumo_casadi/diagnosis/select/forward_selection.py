@@ -174,7 +174,7 @@ def _forward(
         if not options:
             more = find_hiding_extension(ledger, nominal, current, known, levels)
             if more is None and not path:
-                more = find_in_simulation(ledger, nominal, levels)
+                more = find_in_simulation(ledger, nominal, known, levels)
             path += [] if more is None else [more]
             break
         best = min(options)[1]
@@ -195,6 +195,9 @@ def _forward(
             path = [*(names for names in path if set(names) < set(better)), better]
     report("comparing simulations", 0.8)
     taken = extend_by_simulation(ledger, nominal, tuple(path), levels, MAX_EFFECTS)
+    if taken and not set(taken) & set(ledger.trials):
+        more = find_in_simulation(ledger, nominal, taken[-1], levels)
+        taken = taken if more is None else (*taken, more)
     simulated = bool(taken) and (taken[-1] in ledger.trials or not ledger.study.shows_accelerations)
     if simulated and taken[-1] not in ledger.gap_left:
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])

@@ -46,6 +46,7 @@ class HoseTravelTime(Effect):
     source = "Richer and Hurmuzlu (2000), J. Dyn. Syst. Meas. Control 122, eq. 29 and 30"
     shows = "both mass flow balances: the same flow, late"
     confused_with = ("hose", "valve_dynamics", "position_delay", "pressure_sensor_lag")
+    one_form: ClassVar[bool] = True  # waves, or a volume, are other forms of a hose
     separated_by = "commands held while the piston moves: the flow follows the pressure late"
     parameters: ClassVar[tuple[Parameter, ...]] = (TRAVEL_TIME,)
     states = delay_states("kg/s", 5e-3)

@@ -69,6 +69,8 @@ def line_rates(
         dy[at] = rT / V * (q_valve - q)
         return q
     length, d = par.hose_length / CELLS, par.hose_diameter
+    if at == LINE_N:
+        length *= par.hose_at_N
     area = pi * d * d / 4.0
     into = q_valve
     for i in range(CELLS):

@@ -89,6 +89,8 @@ def run(
     memory, shown, row = np.zeros(MEMORY), np.zeros(3), np.zeros(rows.shape[1])
     remembered = np.zeros(REMEMBERED)
     plays, target, quiet = np.zeros((2, 3)), np.zeros(2), np.zeros(3)
+    late = int(par.valve_dead_time_T / dt + 0.5)
+    sent = np.zeros((late + 1, 2))
     mode = FREE if par.presliding_distance > 0.0 else HELD
     settle(y, par, memory, past)
     now = 0
@@ -98,7 +100,8 @@ def run(
         t, h = (instants[k], intervals[k] / substeps) if k >= 0 else (k * dt, dt / substeps)
         observed = noise[k] if k >= 0 else quiet
         control(shown, observed, x_ref[j], common[j], dt, par, remembered, row)
-        spool_targets(t, row[:2], plays, target, par)
+        copy(row[:2], sent[(k + settling) % (late + 1)])
+        spool_targets(t, sent[(k + settling + 1) % (late + 1)], plays, target, par)
         if k >= 0:
             copy(row, rows[k])
         if 0 <= k < states.shape[0]:
