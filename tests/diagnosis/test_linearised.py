@@ -9,6 +9,9 @@ from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.screen.background import background
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.effects.term import Term, term_effect
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 
 
 @pytest.fixture(scope="module")
@@ -46,3 +49,23 @@ def test_a_term_that_cancels_inertia_is_none(curved):
     kept = {share: linear.keeps_mass(site, inertia, np.array([share * M])) for share in (-1, 0, 1)}
     assert kept[0] and list(kept.values()).count(False) == 1
     assert all(linear.keeps_mass(site, inertia, np.array([s * M])) for s in (-0.5, 0.5))
+
+
+@pytest.mark.parametrize("balances", [("mass_flow_P",), ("mass_flow_P", "mass_flow_N")], ids=len)
+@pytest.mark.parametrize("factor", ["dq_m/du", "±dq_m/du"])
+def test_a_shifted_command_is_linearised_as_its_effect_shifts_it(curved, balances, factor):
+    study, fitted, effects = curved
+    linear = linearise(*curved)
+    shift = 1e-3
+    term = Term("wander", balances, factor, "t", "constant", {"level": shift})
+    base = study.axis.with_effects(*effects, term_effect(term)()).at_starting_values()
+    axes = (base.with_parameters({**fitted.values, "wander.level": u}) for u in (shift, 0.0))
+    motion, used = study.smoothed[0][0], fitted.used_train[0]
+    moved, still = (
+        balance_residuals(BalanceFunctions(axis), motion, axis.parameters.values) for axis in axes
+    )
+    expected = ((moved - still) / linear.train.sigma[:, None])[used]
+    site = Site(balances, factor, "t")
+    columns = linear.train.columns(site, lambda t: np.full((t.size, 1), shift))[:, 0]
+    assert np.ptp(expected) > 0
+    np.testing.assert_allclose(columns, expected, atol=0.05 * np.abs(expected).max())

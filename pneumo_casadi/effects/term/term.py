@@ -33,7 +33,15 @@ DRIVERS: Mapping[str, str] = {
 }
 #: What multiplies the formula in a force and in a mass flow, and the unit of the term there.
 FORCE_FACTORS: Mapping[str, str] = {"1": "N", "sign(v)": "N", "v": "N s/m"}
-FLOW_FACTORS: Mapping[str, str] = {"1": "kg/s", "p": "kg/(s Pa)", "q_m": "1", "p_supply": "1"}
+#: Of a flow dq_m/du times a voltage is a shifted command, of one spool for both chambers ±dq_m/du.
+FLOW_FACTORS: Mapping[str, str] = {
+    "1": "kg/s",
+    "p": "kg/(s Pa)",
+    "q_m": "1",
+    "p_supply": "1",
+    "dq_m/du": "V",
+    "±dq_m/du": "V",
+}
 #: Balances of a term, and what the sensors show.
 PLACES: tuple[tuple[str, ...], ...] = (
     ("force",),
@@ -304,6 +312,12 @@ def _junction(term: Term) -> dict[str, Any]:
     def supply(self: Effect, ports: Supply, at: Scope) -> Supply:
         return Supply(ports.p_supply * (1 + _value(term, at)), ports.p_ext)
 
+    def spool(self: Effect, u: Pair, at: Scope) -> Pair:
+        shift, side = _value(term, at), -1.0 if term.factor.startswith("±") else 1.0
+        moved = {"P": u.P + shift, "N": u.N + side * shift}
+        own = (moved[c] if f"mass_flow_{c}" in term.balances else getattr(u, c) for c in "PN")
+        return Pair(*own)
+
     def output(self: Effect, y: Mapping[str, Expression], at: Scope) -> Mapping[str, Expression]:
         if term.balances == ("measurement_x",):
             return {**y, "x": y["x"] + _value(term, at)}
@@ -315,4 +329,6 @@ def _junction(term: Term) -> dict[str, Any]:
         return {"output": output}
     if term.factor == "p_supply":
         return {"supply": supply}
+    if term.factor.endswith("dq_m/du"):
+        return {"spool": spool}
     return {"valve_flow" if term.factor == "q_m" else "chamber_flow": flow}

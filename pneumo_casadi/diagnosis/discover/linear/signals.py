@@ -10,7 +10,7 @@ from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMoti
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.balances import chamber_capacities
 from pneumo_casadi.model.effect import Effect, Scope
-from pneumo_casadi.model.junctions import Supply
+from pneumo_casadi.model.junctions import Pair, Supply
 from pneumo_casadi.model.machine_code.calls import call_with_arrays
 from pneumo_casadi.parameters import FloatArray, Parameter
 
@@ -110,6 +110,8 @@ class Signals:
             "p": lambda: self.measured[f"p_{balance[-1]}"],
             "q_m": lambda: self._flows[row],
             "p_supply": lambda: self._supply_flows[row],
+            "dq_m/du": lambda: self._command_flows[row],
+            "±dq_m/du": lambda: self._command_flows[row] * (1.0 if row == 0 else -1.0),
         }
 
     @cached_property
@@ -130,6 +132,27 @@ class Signals:
         """Derivatives of these flows to the relative change of the supply pressure, (2, N)."""
         raised = self.axis.with_effects(_Supply()).with_parameters({"supply.share": SHARE})
         return np.asarray((_flows_of(raised, self.motion, self.motion.x) - self._flows) / SHARE)
+
+    @cached_property
+    def _command_flows(self) -> FloatArray:
+        """Derivatives of these flows to a shift of their commands, (2, N) [kg/(s V)]."""
+        step = SHARE * float(np.abs(self.motion.u).max())
+        above, below = (
+            self.axis.with_effects(_Shift()).with_parameters({"shift.u": size})
+            for size in (step, -step)
+        )
+        change = _flows_of(above, self.motion, self.motion.x)
+        return np.asarray((change - _flows_of(below, self.motion, self.motion.x)) / (2 * step))
+
+
+class _Shift(Effect):
+    """Both spools off by u [V]."""
+
+    name = "shift"
+    parameters = (Parameter("u", 0.0, "V", null=0.0),)
+
+    def spool(self, u: Pair, at: Scope) -> Pair:
+        return Pair(u.P + at["u"], u.N + at["u"])
 
 
 class _Supply(Effect):

@@ -2,7 +2,7 @@
 
 A site is a balance (or both mass flows alike), a factor that multiplies the unknown function, and
 its driver: ``force: sign(v) · f(x)`` is a friction level over position, ``mass flows: q_m · f(t)``
-a valve gain that drifts. An error of a sensor is a site as well.
+a valve gain that drifts, ``dq_m/du · f(t)`` a null that does. An error of a sensor is a site too.
 """
 
 from collections.abc import Mapping
@@ -48,8 +48,14 @@ _FLOW: Mapping[str, tuple[str, ...]] = {
     "1": ("p", "p_difference", "x", "t", "u"),
     "p": ("x", "t"),
     "q_m": ("u", "p", "x", "t"),
+    "dq_m/du": ("t",),
 }
-_FLOWS: Mapping[str, tuple[str, ...]] = {"q_m": ("u", "p", "t"), "p_supply": ("t",)}
+_FLOWS: Mapping[str, tuple[str, ...]] = {
+    "q_m": ("u", "p", "t"),
+    "p_supply": ("t",),
+    "dq_m/du": ("t",),
+    "±dq_m/du": ("t",),
+}
 #: The same of the errors of sensors: of the position, and of both pressures alike, which may show
 #: a share of each other.
 _POSITION: Mapping[str, tuple[str, ...]] = {"1": ("x", "t")}
