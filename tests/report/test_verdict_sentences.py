@@ -10,11 +10,12 @@ from matplotlib.text import Text
 
 from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.diagnosis import EffectFound, Value, Verdict
+from pneumo_casadi.effects.term import Term
 from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.figures.diagnosis.where import where_figure
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
-from pneumo_casadi.report.text.causes import cause_sentences, described_as
+from pneumo_casadi.report.text.causes import cause_sentences, described_as, suspects
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
     headline,
@@ -288,3 +289,11 @@ def test_a_form_that_was_fitted_beside_other_effects_only_closes_nothing_alone()
     text = summary_text(replace(made.HOSE, effects=effects))
     assert "hose volume was fitted beside other effects only" in text
     assert "the others close: hose 55 %" in text
+
+
+@pytest.mark.parametrize(("factor", "told"), [("dq_m/du", True), ("q_m", False)])
+def test_a_command_that_wanders_is_looked_for_where_one_was_found(factor, told):
+    flows = ("mass_flow_P", "mass_flow_N")
+    term = Term("discovered", flows, factor, "t", "line", {"slope": 1e-3})
+    text = suspects(replace(made.DISCOVERED, term=term))
+    assert ("null of the valve" in text) == told and ("supply that drifts" in text) != told

@@ -232,6 +232,8 @@ def suspects(term: DiscoveredTerm) -> str:
     driver = term.term.driver
     repeats = "period" in term.term.parameters
     examples = _SUSPECTS[driver][0 if repeats else 1]
+    if term.term.factor.endswith("dq_m/du"):
+        examples = "a null of the valve, or a command, that wanders"
     name = DRIVER_NAMES[driver] + (", again and again" if repeats else "")
     return name + (f", such as {examples}" if examples else "")
 
