@@ -9,10 +9,11 @@ from pneumo_casadi.diagnosis.decide.shared_cause import rather_one_cause
 from pneumo_casadi.diagnosis.decide.what_is_left import open_balances
 from pneumo_casadi.diagnosis.discover.beside import Discovery, discover_beside
 from pneumo_casadi.diagnosis.discover.rival_term import find_rival_term
-from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.diagnosis.metrics.findings import Check, joined_names
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
+from pneumo_casadi.diagnosis.select.forms import causes_of
 from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
@@ -21,6 +22,11 @@ from pneumo_casadi.model.effect import Effect
 SHOWN_BY_SIMULATION = (
     "the balances, of the motion that was measured, show no gap: simulations alone have found the "
     "effect, and its sizes are those of output error"
+)
+#: The same on one beside effects that explain what the balances show.
+SHOWN_BESIDE = (
+    "beside {} the balances, of the motion that was measured, show no gap: simulations alone have "
+    "found {}, and all sizes are those of output error"
 )
 
 
@@ -60,7 +66,7 @@ def conclude(
         effects, selection.final, study.axis.outputs, catalogue, study.criteria
     )
     decision = decide_verdict(selection, checks, known, surpassed=bool(doubt))
-    found_by = SHOWN_BY_SIMULATION if selection.by_simulation else ""
+    found_by = _shown_by_simulation(selection, known)
     first = Conclusion(effects, checks, decision, notes=tuple(filter(None, (doubt, found_by))))
     given = study, selection, effects, catalogue, executor
     if decision.judgement.verdict in NAMING:
@@ -74,6 +80,17 @@ def conclude(
     if decision.verdict is not Verdict.UNKNOWN:
         return first
     return replace(first, discovery=discover_beside(*given))
+
+
+def _shown_by_simulation(selection: Selection, catalogue: Catalogue) -> str:
+    """Return the note on an effect that simulations alone have found; empty where none was."""
+    if not selection.by_simulation:
+        return ""
+    if selection.balances_show_nothing:
+        return SHOWN_BY_SIMULATION
+    before, after = selection.path[-2:]
+    added = [name for name in after if name not in before]
+    return SHOWN_BESIDE.format(*(joined_names(causes_of(n, catalogue)) for n in (before, added)))
 
 
 def _left_open(study: Study, selection: Selection) -> tuple[str, ...]:

@@ -213,7 +213,7 @@ FORMS = (
     ),
     EffectForm(
         "valve_dynamics_dead_time",
-        "s = u(t − T), T in whole samples",
+        "s = u(t − T)",
         (Size("T", "s", (3e-3, 7e-3, 1.6e-2), description="dead time T"),),
         note="shows at every change of the command",
         cause=VALVE_DYNAMICS.name,

@@ -46,10 +46,9 @@ def search(monkeypatch):
         worker.fits = {(name,): SimpleFit((name,)) for name in alone if name not in left_out}
         worker.left_out = set(left_out)
         worker.simulations = SimpleNamespace(
-            alone_show_gap=lambda nominal, levels: shown,
+            alone_show_gap=lambda fitted, effects, levels: shown and remaining == 1.0,
             share=lambda nominal, fit, effects: (alone | (beside or {}))[fit.effects[0]],
-            leave_gap=lambda fit, effects: shown,
-            closure=lambda nominal, fit, effects: Closure(1 - lower / 2, lower, 1.0),
+            closure=lambda base, fit, effects, of_base: Closure(1 - lower / 2, lower, 1.0),
         )
         tried = []
 
@@ -122,13 +121,20 @@ def test_what_weak_effects_leave_in_simulation_is_explained_beside_them(search):
 
 @pytest.mark.parametrize(
     "other",
-    [{"beside": {"pressure_sensor_bias": 0.4}}, {"remaining": 2.0}, {"shown": False}],
-    ids=["explained", "balances open", "no gap"],
+    [
+        {"beside": {"pressure_sensor_bias": 0.4}},
+        {"beside": {"pressure_sensor_bias": 0.52}, "refined": 0.49},
+        {"remaining": 2.0},
+        {"shown": False},
+    ],
+    ids=["explained", "no better", "balances open", "no gap"],
 )
 def test_where_weak_effects_explain_it_or_balances_tell_nothing_is_added(search, other):
     given = {"beside": {"pressure_sensor_bias": 0.98}, **other}
-    names, tried, worker = search({"stribeck": 0.5}, {"stribeck": 0.1}, **given)
-    assert names is None and not tried and not worker.by_simulation
+    refined = {"stribeck": given.pop("refined", 0.1)}
+    names, tried, worker = search({"stribeck": 0.5}, refined, **given)
+    assert names is None and not worker.by_simulation
+    assert bool(tried) == ("refined" in other)
 
 
 def selected(left, force=1.0):

@@ -322,7 +322,7 @@ def test_an_effect_that_leaves_little_is_named_and_the_other_valve_besides(
 def test_of_a_valve_that_was_fitted_the_model_tells(monkeypatch, names, named, expected):
     judgement = Judgement(Verdict.EFFECT, (names,), {}, 0.05, np.array([1.0, 9.0, 1.0]), NO_GAP)
     monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
-    selection = SimpleNamespace(named=names[:named], chosen=names, by_simulation=False)
+    selection = SimpleNamespace(named=names[:named], chosen=names, balances_show_nothing=False)
     decision = decide_verdict(selection, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
     assert decision.absorbed == expected
     assert (decision.alternatives, decision.is_open) == ((names,), False)
@@ -341,7 +341,7 @@ def test_effects_that_the_parameters_contradict_keep_the_probability_of_an_unkno
     )
     monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
     checks = failing("S_P", tolerances=tolerances) if tolerances else ()
-    selection = SimpleNamespace(named=names, chosen=names, by_simulation=False)
+    selection = SimpleNamespace(named=names, chosen=names, balances_show_nothing=False)
     decision = decide_verdict(selection, checks, EFFECTS)
     assert decision.verdict is verdict
     assert tuple(decision.judgement.probability.values()) == pytest.approx(expected)
@@ -354,10 +354,10 @@ def test_what_the_parameters_absorb_stands_beside_an_effect_that_simulations_alo
     names = ("presliding",)
     judgement = Judgement(Verdict.EFFECT, (names,), {names: 0.8}, 0.27, np.ones(3), NO_GAP)
     monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
-    selection = SimpleNamespace(named=names, chosen=names, by_simulation=True)
+    selection = SimpleNamespace(named=names, chosen=names, balances_show_nothing=True)
     decision = decide_verdict(selection, failing("M", tolerances=4.0), EFFECTS)
     assert decision.verdict is Verdict.EFFECT and decision.absorbed == ("elastic_load",)
-    selection.by_simulation = False
+    selection.balances_show_nothing = False
     assert (
         decide_verdict(selection, failing("M", tolerances=4.0), EFFECTS).verdict is Verdict.UNKNOWN
     )

@@ -1,11 +1,16 @@
 """A fit with what effects know of their own parameters, linearised."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import prepare_study
-from pneumo_casadi.diagnosis.discover.linear.linearised import linearise
+from pneumo_casadi.diagnosis.discover.linear.linearised import Linearised, linearise
+from pneumo_casadi.diagnosis.discover.linear.signals import Signals
 from pneumo_casadi.diagnosis.discover.linear.sites import Site
+from pneumo_casadi.diagnosis.discover.search import search
+from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.screen.background import background
 from pneumo_casadi.effects import EFFECTS
@@ -46,9 +51,20 @@ def test_a_term_that_cancels_inertia_is_none(curved):
     def inertia(t):
         return np.interp(t, motion.t, motion.dx[-1])[:, None]
 
-    kept = {share: linear.keeps_mass(site, inertia, np.array([share * M])) for share in (-1, 0, 1)}
-    assert kept[0] and list(kept.values()).count(False) == 1
-    assert all(linear.keeps_mass(site, inertia, np.array([s * M])) for s in (-0.5, 0.5))
+    kept = {
+        share: linear.keeps_mass(site, inertia, np.array([share * M]))
+        for share in (-0.95, -0.5, 0.5, 0.95)
+    }
+    # A force of −M a does what the mass did, and next to nothing is left of it.
+    assert kept == {-0.95: False, -0.5: True, 0.5: True, 0.95: True}
+
+
+def test_no_formula_that_cancels_inertia_is_proposed(curved, monkeypatch):
+    levels = balance_levels(curved[0])
+    linear = linearise(*curved)
+    assert search(linear, levels)
+    monkeypatch.setattr(Linearised, "keeps_mass", lambda self, site, basis, c: False)
+    assert search(linear, levels) == ()
 
 
 @pytest.mark.parametrize("balances", [("mass_flow_P",), ("mass_flow_P", "mass_flow_N")], ids=len)
@@ -69,3 +85,24 @@ def test_a_shifted_command_is_linearised_as_its_effect_shifts_it(curved, balance
     columns = linear.train.columns(site, lambda t: np.full((t.size, 1), shift))[:, 0]
     assert np.ptp(expected) > 0
     np.testing.assert_allclose(columns, expected, atol=0.05 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("supplied", [False, True], ids=["stated supply", "recorded supply"])
+def test_a_shift_of_the_command_is_small_beside_the_command(made, supplied):
+    """With a recorded supply of 7e5 Pa among the inputs a step of 700 V had been taken."""
+    axis = made.supplied_axis() if supplied else made.true_axis()
+    u = {"u_P": [1.0, -1.5, 0.0], "u_N": [-1.0, 1.5, 0.0], "p_supply": [6e5, 6e5, 6e5]}
+    x = np.array([[4e5, 3e5, 5e5], [5e5, 4e5, 5e5], [0.0, 0.01, 0.02], [0.1, -0.1, 0.0]])
+    inputs = np.array([u[name] for name in axis.inputs])
+    motion = SimpleNamespace(x=x, dx=np.zeros_like(x), u=inputs, N=3, t=np.arange(3.0))
+    slopes = Signals(axis, motion).factor("mass_flow_P", "dq_m/du")
+    slopes = slopes / Signals(axis, motion).gain("mass_flow_P")
+    theta, h = axis.parameters.values, 1e-4
+
+    def flow(k, shift):
+        moved = inputs[:, k].copy()
+        moved[axis.inputs.index("u_P")] += shift
+        return float(axis.valve_flow(x[:, k], moved, theta)[0])
+
+    expected = [(flow(k, h) - flow(k, -h)) / (2 * h) for k in range(3)]
+    assert slopes == pytest.approx(expected, rel=0.02)

@@ -132,7 +132,7 @@ def test_a_gap_is_shown_beside_the_noise_and_by_simulations_alone(
     noise = [output_noise(sound_study.axis, sound_study.held_out, n) for n in ("p_P", "p_N", "x")]
     floor = 100 * np.array(noise) / signal_stds(sound_study)
     done.keep(nominal, Simulated(np.tile((1 + floors**2) * floor**2, (3, 1))), WINDOW)
-    assert done.alone_show_gap(nominal, levels) is shown
+    assert done.alone_show_gap(nominal, (), levels) is shown
 
 
 @pytest.mark.parametrize(

@@ -122,3 +122,36 @@ def test_time_as_a_driver_is_a_state_that_grows_with_it():
     t = np.arange(1000) / 1e3
     run = simulate(axis.with_parameters(free), 0 * t[:, None], 1e-3, [0.0, 0.0, 0.0])
     assert run["x"][-1] == pytest.approx(3.0 / 2.0 * t[-1] ** 3 / 6, rel=1e-3)
+
+
+SHIFTS = [
+    (("mass_flow_P",), "dq_m/du", (1, 0)),
+    (("mass_flow_N",), "dq_m/du", (0, 1)),
+    (("mass_flow_P", "mass_flow_N"), "dq_m/du", (1, 1)),
+    (("mass_flow_P", "mass_flow_N"), "±dq_m/du", (1, -1)),
+]
+
+
+@pytest.mark.parametrize(("balances", "factor", "signs"), SHIFTS)
+def test_a_shifted_command_survives_a_file_and_moves_the_spool(
+    made, tmp_path, balances, factor, signs
+):
+    own = term("constant", balances=balances, factor=factor, driver="t")
+    write_term(own, tmp_path / "term.json")
+    write_term_source(own, tmp_path / "term.py")
+    assert read_term(tmp_path / "term.json") == own
+    (made_of,) = read_catalogue(tmp_path / "term.py").values()
+    plain = made.true_axis()
+    x, u = [4e5, 5e5, 0.0, 0.1], np.array([1.0, -1.5])
+    moved = plain.rhs(x, u + 0.5 * np.array(signs), plain.parameters.values).full()
+    for effect in (term_effect(own)(), made_of()):
+        axis = made.true_axis(effect).at_starting_values()
+        full = axis.rest(x, u, axis.parameters.values)
+        assert axis.rhs(full, u, axis.parameters.values).full()[:4] == pytest.approx(moved)
+    assert own.text.startswith("u_") and own.unit == "V"
+
+
+@pytest.mark.parametrize("factor", ["dq_m/du", "p_supply"])
+def test_what_acts_on_both_ports_has_no_driver_of_one_chamber(factor):
+    with pytest.raises(ModelError, match="driver 'u' does not exist"):
+        term("line", balances=("mass_flow_P", "mass_flow_N"), factor=factor, driver="u")

@@ -11,6 +11,7 @@ from pneumo_casadi.effects import (
     PistonSealLeakagePerDirection,
     SupplyDroop,
 )
+from pneumo_casadi.effects.common.reservoir import FASTEST
 from pneumo_casadi.effects.lags.transport_delay import (
     delay_rates,
     delay_rest,
@@ -24,7 +25,7 @@ P = (4e5, 5e5)
 
 def passed(value, delays, times):
     """What arrives at P and N of a value at some times (n, 2), begun at rest."""
-    names = [state.name for state in delay_states("V", 1.0)]
+    names = [state.name for state in delay_states("V", "V/s", 1.0)]
     rest = delay_rest(Pair(value(0.0), value(0.0)))
 
     def at(z):
@@ -40,20 +41,20 @@ def passed(value, delays, times):
     return np.array([delayed(Pair(value(t), value(t)), delays, at(z)) for t, z in pairs])
 
 
-@pytest.mark.parametrize(("T", "f"), [(0.0, 30.0), (2e-3, 30.0), (0.01, 30.0), (0.025, 20.0)])
+@pytest.mark.parametrize(("T", "f"), [(0.0, 30.0), (2e-3, 50.0), (0.01, 50.0), (0.025, 28.0)])
 def test_a_swing_arrives_later_by_the_delay_and_as_large(T, f):
     def swing(t):
         return np.sin(2 * np.pi * f * t)
 
     times = np.linspace(0.2, 0.2 + 1 / f, 9)
     arrived = passed(swing, (T, 0.0), times)
-    np.testing.assert_allclose(arrived[:, 0], swing(times - T), atol=0.12)
+    np.testing.assert_allclose(arrived[:, 0], swing(times - T), atol=0.15)
     np.testing.assert_allclose(arrived[:, 1], swing(times), atol=1e-3)  # no delay, regularly
 
 
 def test_a_step_of_the_command_is_felt_after_the_dead_time():
     early, late = passed(lambda t: float(t > 1e-9), (0.02, 0.02), np.array([0.012, 0.03]))[:, 0]
-    assert abs(early) < 0.2 and late == pytest.approx(1.0, abs=0.1)
+    assert abs(early) < 0.3 and late == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize(("p", "expected"), [((6e5, 4e5), (-1, 1)), ((4e5, 6e5), (0, 0))])
@@ -80,6 +81,22 @@ def test_a_hose_that_is_missing_leaves_its_chamber_alone(made):
     assert abs(change[0]) < 0.1 * abs(moved[0])  # the flow is under way
 
 
+def test_of_two_hoses_the_longer_one_takes_more_pressure(made):
+    """R and V are those of the mean length: with one hose missing, the other has twice of them."""
+    q, p = 2e-3, [*P, 0.0, 0.0]
+    both, one = made.true_axis(EFFECTS["hose"]()), made.true_axis(HosePerChamber())
+    sizes = {"zeta": 0.1, "delay": 8e-3, "R": 1e10, "V": 6e-5}
+    both = both.with_parameters({f"hose.{k}": v for k, v in sizes.items()})
+    sizes = {"zeta": 0.1, "delay_P": 8e-3, "delay_N": 0.0, "R": 5e9, "V": 3e-5}
+    one = one.with_parameters({f"hose_per_chamber.{k}": v for k, v in sizes.items()})
+    rates = []
+    for axis in (both, one):
+        full = axis.rest(p, [2.0, -2.0], axis.parameters.values).full().ravel()
+        full[[axis.states.index(n) for n in axis.states if n.endswith(("q_P", "q_2_P"))]] = q
+        rates.append(axis.rhs(full, [2.0, -2.0], axis.parameters.values).full().ravel())
+    assert rates[1][0] == pytest.approx(rates[0][0], rel=1e-9)
+
+
 def test_of_two_travel_times_the_longest_is_asked_to_be_a_hose():
     of = HoseTravelTimePerChamber.credible_at
     assert list(of({"T_P": 0.0, "T_N": 4e-3})) == ["T_N"]
@@ -96,10 +113,10 @@ def test_a_narrow_hose_may_be_small(name):
 
 def test_a_supply_without_a_reservoir_droops_at_once_and_is_not_stiff(made):
     effect = SupplyDroop()
-    for C, fastest in ((5e-10, 2e3), (5e-8, 2e3)):
+    for C in (5e-10, 5e-8):
         axis = made.true_axis(effect)
         values = {"per_volume": 1e6, "C": C, "C_leak": 0.0}
         axis = axis.with_parameters({f"supply_droop.{k}": v for k, v in values.items()})
         x = [*P, 0.0, 0.0, 1e3]
         J = axis.rhs.jacobian()(x, [1.0, -1.0], axis.parameters.values, 0)[0].full()
-        assert -1.5 * fastest < J[4, 4] < -100.0
+        assert -1.5 / FASTEST < J[4, 4] < -100.0

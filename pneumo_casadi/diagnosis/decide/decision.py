@@ -86,7 +86,7 @@ def decide_verdict(
     named = tuple(catalogue[name]() for name in selection.named)
     corrections = {name for name, make in catalogue.items() if make().metered}
     judgement = judge(selection, named, surpassed, corrections)
-    if selection.by_simulation and judgement.verdict in NAMING:  # the balances were clean before
+    if selection.balances_show_nothing and judgement.verdict in NAMING:
         verdict, absorbed = judgement.verdict, absorbed_candidates(checks, catalogue)
     else:
         verdict, absorbed = review_verdict(judgement, checks, catalogue)

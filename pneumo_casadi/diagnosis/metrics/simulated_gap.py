@@ -80,7 +80,7 @@ def simulated_gap(
             f"with the effects, simulations of held-out records are farther off ({gaps[1]:.2g} %) "
             f"than without ({gaps[0]:.2g} %), but balances are met better: do not use their sizes"
         )
-    if final is nominal and done.alone_show_gap(nominal, levels):
+    if final is nominal and done.alone_show_gap(nominal, (), levels):
         notes.append(
             f"the balances show no gap, but simulations of held-out records are {gaps[0]:.2g} % of "
             "the motion off, and no effect alone explains that"

@@ -131,13 +131,15 @@ class Simulations:
         squares = self.windows(fitted, effects, window)
         return isinstance(squares, str) or _shows(squares, self.floor, self.study.criteria.clean)
 
-    def alone_show_gap(self, nominal: FittedModel, levels: BalanceLevels) -> bool:
-        """Return whether windows of the nominal model show a gap, and its balances show none."""
+    def alone_show_gap(
+        self, fitted: FittedModel, effects: Sequence[Effect], levels: BalanceLevels
+    ) -> bool:
+        """Return whether windows of a fit show a gap, and its balances show none."""
         visible = levels.criteria.visible
-        if np.any(levels.exceeded(residual_rms(nominal), visible)):
+        if np.any(levels.exceeded(residual_rms(fitted), visible)):
             return False
-        before, floor = self.windows(nominal, ()), self.floor
-        return not isinstance(before, str) and _shows(before, floor, visible)
+        squares, floor = self.windows(fitted, effects), self.floor
+        return not isinstance(squares, str) and _shows(squares, floor, visible)
 
     def surely_explained(
         self,
@@ -195,10 +197,14 @@ class Simulations:
         return 1.0 - closure(overall_gap(before, floor), overall_gap(after, floor))
 
     def closure(
-        self, nominal: FittedModel, fitted: FittedModel, effects: Sequence[Effect]
+        self,
+        base: FittedModel,
+        fitted: FittedModel,
+        effects: Sequence[Effect],
+        of_base: Sequence[Effect] = (),
     ) -> Closure:
-        """Return the share of the gap that a fit closes, with its interval; see `share`."""
-        before, after = self.windows(nominal, ()), self.windows(fitted, effects)
+        """Return the share of the gap of a base model that a fit closes, with its interval."""
+        before, after = self.windows(base, of_base), self.windows(fitted, effects)
         if isinstance(before, str) or isinstance(after, str):
             return Closure(0.0, 0.0, 0.0)
         return closure_of(before, after, self._right_model)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.errors import FitError
+from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error.result import flow_map_deviation
 from pneumo_casadi.model.effect import Effect
 
@@ -35,8 +35,8 @@ def least_mass(study: Study) -> float:
 
 def _require_mass(study: Study, effects: Sequence[Effect], values: Mapping[str, float]) -> None:
     """Reject a model that has all but lost the mass of the data sheet."""
-    M = moving_mass(effects, values)
-    if effects and least_mass(study) > M:
+    M, least = moving_mass(effects, values), least_mass(study)
+    if effects and least > 0 and least > M:
         names = " + ".join(effect.name for effect in effects)
         raise FitError(
             f"{names}: M = {M:.3g} kg is not credible beside the "
@@ -61,6 +61,8 @@ def require_credible(study: Study, effects: Sequence[Effect], values: Mapping[st
         prefix = f"{effect.name}."
         own = {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
         for name, (low, high) in effect.credible_at(own).items():
+            if name not in own:
+                raise ModelError(f"effect {effect.name}: credible_at names no parameter: {name}")
             value = own[name]
             if not low <= value <= high:
                 raise FitError(

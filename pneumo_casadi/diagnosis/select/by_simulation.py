@@ -1,4 +1,4 @@
-"""What simulations alone show: an effect without a gap of the balances, weak ones beside a play.
+"""What simulations alone show: an effect where the balances leave no gap, weak ones beside a play.
 
 Bristles hold a piston where Coulomb friction lets it break away: within half a second a simulation
 is far off, and the balances, of the motion that was measured, show next to nothing.
@@ -6,16 +6,14 @@ is far off, and the balances, of the motion that was measured, show next to noth
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
-from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.select.acceptance import corrects_map
 from pneumo_casadi.diagnosis.select.complete import Completed, find_acting
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.forms import other_forms_of, stand_for_cause
-from pneumo_casadi.diagnosis.select.hidden_motion import TRIED, beside
+from pneumo_casadi.diagnosis.select.hidden_motion import TRIED, beside, closes_more
 from pneumo_casadi.diagnosis.select.refined_trials import refine_all
 
 
@@ -28,11 +26,15 @@ def find_in_simulation(
     most of what simulations show. Every effect is simulated as fitted alone. The few that close
     enough of the gap are refined by output error, with the other forms of the best one's cause, of
     which the balances tell nothing. The best of these must leave half of the gap at most, and
-    surely close what a further effect must. What corrects a flow map is left out: a refinement
-    holds the map.
+    surely close what a further effect must of what the known ones leave. What corrects a flow map
+    is left out: a refinement holds the map.
     """
     criteria, simulations = levels.criteria, ledger.simulations
-    if not _simulations_alone_show_gap(ledger, nominal, known, levels):
+    base, before = (ledger.fits[known], ledger.effects(known)) if known else (nominal, ())
+    if not simulations.alone_show_gap(base, before, levels):
+        return None
+    share = simulations.share(nominal, base, before) if known else 1.0
+    if share <= criteria.unexplained:
         return None
     alone = {key: fit for key, fit in ledger.extensions(()).items() if key[0] not in known}
     left = _left_alone(ledger, nominal, alone)
@@ -49,7 +51,9 @@ def find_in_simulation(
     chosen = min(refined, key=refined.__getitem__, default=None)
     if chosen is None or refined[chosen] > criteria.unexplained:
         return None
-    closed = simulations.closure(nominal, ledger.trials[chosen][0], ledger.effects(chosen))
+    if not closes_more(refined[chosen], share, criteria):
+        return None
+    closed = simulations.closure(base, ledger.trials[chosen][0], ledger.effects(chosen), before)
     if closed.lower < 1.0 - criteria.closed:
         return None
     for name in chosen:
@@ -57,21 +61,6 @@ def find_in_simulation(
     ledger.take(chosen)
     ledger.by_simulation = True
     return chosen
-
-
-def _simulations_alone_show_gap(
-    ledger: FitLedger, nominal: FittedModel, known: Names, levels: BalanceLevels
-) -> bool:
-    """Return whether simulations show a gap where balances are explained by effects known."""
-    simulations, criteria = ledger.simulations, levels.criteria
-    if not known:
-        return simulations.alone_show_gap(nominal, levels)
-    fitted, effects = ledger.fits[known], ledger.effects(known)
-    if np.any(levels.exceeded(residual_rms(fitted), criteria.visible)):
-        return False
-    if simulations.share(nominal, fitted, effects) <= criteria.unexplained:
-        return False
-    return simulations.leave_gap(fitted, effects)
 
 
 def _beside(ledger: FitLedger, known: Names, names: Sequence[str]) -> dict[Names, FittedModel]:

@@ -76,7 +76,7 @@ class FitLedger:
     begun_fits, begun_refinements : BegunJobs
         Fits, and refinements by output error, for which nobody has asked yet.
     by_simulation : bool
-        Whether simulations alone show the gap that an effect was found by; see `Selection`.
+        Whether simulations alone show the gap by which an effect was found; see `Selection`.
     reduced : dict of tuple of str to FittedModel
         Models from which an effect was taken, where they are not credible; see `fit_without`.
     """

@@ -195,7 +195,7 @@ def _forward(
             path = [*(names for names in path if set(names) < set(better)), better]
     report("comparing simulations", 0.8)
     taken = extend_by_simulation(ledger, nominal, tuple(path), levels, MAX_EFFECTS)
-    if taken and not set(taken) & set(ledger.trials):
+    if taken and not set(taken) & set(ledger.trials) and len(taken[-1]) < MAX_EFFECTS:
         more = find_in_simulation(ledger, nominal, taken[-1], levels)
         taken = taken if more is None else (*taken, more)
     simulated = bool(taken) and (taken[-1] in ledger.trials or not ledger.study.shows_accelerations)

@@ -71,7 +71,7 @@ def find_hiding_extension(
         return None
     refine_all(ledger, nominal, {best: fits[best]})
     share = ledger.simulations.share(nominal, current, before)
-    if not _closes_more(ledger.trials[best][1], share, criteria):
+    if not closes_more(ledger.trials[best][1], share, criteria):
         return None
     ledger.take(best)
     return best
@@ -181,7 +181,7 @@ def _extended(
         return None
     refine_again(ledger, nominal, {best: ledger.trials[best][0]})
     left = ledger.trials[best][1]
-    if left > 1.0 or not _closes_more(left, share, criteria):
+    if left > 1.0 or not closes_more(left, share, criteria):
         return None
     if not _is_needed(ledger, nominal, known, best):
         return None
@@ -200,10 +200,10 @@ def _is_needed(ledger: FitLedger, nominal: FittedModel, known: Names, names: Nam
     added = tuple(f"{name}." for name in names if name not in known)
     values = {n: v for n, v in larger.values.items() if not n.startswith(added)}
     refine_again(ledger, nominal, {known: replace(larger, effects=known, values=values)})
-    return _closes_more(share, ledger.trials[known][1], ledger.study.criteria)
+    return closes_more(share, ledger.trials[known][1], ledger.study.criteria)
 
 
-def _closes_more(left: float, before: float, criteria: Criteria) -> bool:
+def closes_more(left: float, before: float, criteria: Criteria) -> bool:
     """Return whether what a model leaves is as much less as with a further effect it must be."""
     return left <= min(criteria.closed * before, before - criteria.matters)
 

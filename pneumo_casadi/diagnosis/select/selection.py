@@ -47,7 +47,8 @@ class Selection:
     directions : mapping of str to tuple of Direction
         The perturbations by each effect that further models may have.
     by_simulation : bool
-        Whether the balances show no gap, and simulations alone have found the effect.
+        Whether simulations alone have found the effect selected last: the balances show no gap, or
+        those selected before leave none there.
     simulated : bool
         Whether the final model surely explains simulations of the held-out records. A balance that
         keeps a small gap then casts no doubt on the effects named.
@@ -74,6 +75,11 @@ class Selection:
     def accepted(self) -> Names:
         """Effects accepted by forward selection."""
         return self.path[-1] if self.path else ()
+
+    @property
+    def balances_show_nothing(self) -> bool:
+        """Whether the balances of the nominal model show no gap, and simulations alone do."""
+        return self.by_simulation and len(self.path) == 1
 
     @property
     def chosen(self) -> Names:

@@ -42,7 +42,7 @@ class ExhaustRestriction(Effect):
             null=0.0,
             start=3e10,
             description="turbulent resistance of the silencer, Δp = R q²/ρ",
-            source="0.1-1 bar at 5 g/s: 5e8 to 7e9 1/m⁴; clogged ones up to 1e12",
+            source="0.1-1 bar at 5 g/s: 5e8 to 7e9 1/m⁴; clogged ones to 1e12, of 16 mm bore 1e14",
         ),
         Parameter(
             "tau",

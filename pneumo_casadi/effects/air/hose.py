@@ -30,7 +30,7 @@ RESISTANCE = Parameter(
     null=0.0,
     start=5e9,
     description="turbulent resistance, Δp = R q²/ρ",
-    source="λ L/(2 d A²): 6e8 (1 m of 8 mm) to 4e10 1/m⁴ (2 m of 4 mm), λ = 0.025",
+    source="λ L/(2 d A²): 6e8 (1 m of 8 mm) to 4e10 1/m⁴ (2 m of 4 mm), 5e11 (2 m of 2.5 mm)",
 )
 DELAY = Parameter(
     "delay",
@@ -169,14 +169,21 @@ class HosePerChamber(Hose):
 
     name = "hose_per_chamber"
     cause = "hose"
-    equation = "as of hose, with D_P and D_N; R and V of each in proportion to D_P and D_N"
+    equation = "as of hose, with D_P and D_N; R and V, of the mean length, in proportion to them"
     generalises = "hose"
     absorbed_by = None
     parameters = (
-        RESISTANCE,
-        *(replace(DELAY, name=f"delay_{c}", description=f"{DELAY.description}, {c}") for c in "PN"),
+        replace(RESISTANCE, description=f"{RESISTANCE.description}, of a hose of the mean length"),
+        *(
+            replace(
+                DELAY,
+                name=f"delay_{c}",
+                description=f"time constant D_{c} of the hose to chamber {c}",
+            )
+            for c in "PN"
+        ),
         ZETA,
-        VOLUME,
+        replace(VOLUME, description="volume of a hose of the mean length, effective"),
     )
 
     def sizes(self, c: str, at: Scope) -> "_Sizes":

@@ -26,7 +26,8 @@ class HoseSensorAtValve(Effect):
               (X_{s1} + X_{s2} x) \dot p_c = q_h - X_{s3} p_c ẋ, \qquad
               q_h = C ρ_0 \sqrt{T_0/T} \max(p, p_c) ω(p, p_c)
 
-    The share w = 1 − exp(−V/V_0) blends: at V = 0 the axis is the nominal one, exactly.
+    The share w = 1 − exp(−V/V_0) blends: at V = 0 the axis is the nominal one, exactly. V_0 is
+    3 ml, or C times 1e3 s Pa if that is less.
     """
 
     name = "hose_sensor_at_valve"

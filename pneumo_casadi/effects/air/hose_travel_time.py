@@ -24,7 +24,7 @@ TRAVEL_TIME = Parameter(
     null=0.0,
     start=5e-3,
     description="travel time of the air from the valve to the chamber",
-    source="L/c at c = 343 m/s: 2.9 ms a metre, 1.5-30 ms for 0.5-10 m",
+    source="L/c, 2.9 (adiabatic) to 3.5 ms (at one temperature) a metre: 1.5-35 ms for 0.5-10 m",
 )
 #: A shorter hose is one of a third of a metre, or a matter of when samples were taken [s].
 SHORTEST = 1e-3
@@ -49,7 +49,7 @@ class HoseTravelTime(Effect):
     one_form: ClassVar[bool] = True  # waves, or a volume, are other forms of a hose
     separated_by = "commands held while the piston moves: the flow follows the pressure late"
     parameters: ClassVar[tuple[Parameter, ...]] = (TRAVEL_TIME,)
-    states = delay_states("kg/s", 5e-3)
+    states = delay_states("kg/s", "kg/s2", 5e-3)
 
     @classmethod
     def credible_at(cls, values: Mapping[str, float]) -> Mapping[str, tuple[float, float]]:

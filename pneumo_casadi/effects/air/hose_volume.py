@@ -32,7 +32,8 @@ class HoseVolume(Effect):
 
     The chamber gets the share w = 1 − exp(−V/V_0) of q_h and the rest of the valve's flow, and
     the valve works against p + w (p_h − p): at V = 0 the axis is the nominal one, exactly, and
-    from 10 ml on w is 1 within 4 %. The air in the hose is at the temperature of its wall.
+    from 10 ml on w is 1 within 4 %. V_0 is 3 ml, or C times 1e3 s Pa if that is less. The air in
+    the hose is at the temperature of its wall.
     """
 
     name = "hose_volume"

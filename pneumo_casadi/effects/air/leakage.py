@@ -34,7 +34,7 @@ VISCOUS = Parameter(
 )
 
 
-def _conductance(what: str, name: str = "C") -> Parameter:
+def _conductance_parameter(what: str, name: str = "C") -> Parameter:
     return Parameter(
         name,
         0.0,
@@ -74,7 +74,10 @@ class PistonSealLeakage(Effect):
     confused_with = ("leakage_P", "leakage_N", "valve_null_shift", "flow coefficients", "f_v")
     separated_by = "valves closed, different pressures: one chamber rises while the other falls"
     one_form: ClassVar[bool] = True
-    parameters: ClassVar[tuple[Parameter, ...]] = (_conductance("past the piston"), VISCOUS)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        _conductance_parameter("past the piston"),
+        VISCOUS,
+    )
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
         """Move the leak from one chamber to the other."""
@@ -98,8 +101,8 @@ class PistonSealLeakagePerDirection(PistonSealLeakage):
     shows = "mass flow balances of both chambers, opposite, most for one sign of p_P − p_N"
     generalises = "piston_seal_leakage"
     parameters = (
-        _conductance("past the piston while p_P is higher", "C_P"),
-        _conductance("past the piston while p_N is higher", "C_N"),
+        _conductance_parameter("past the piston while p_P is higher", "C_P"),
+        _conductance_parameter("past the piston while p_N is higher", "C_N"),
         VISCOUS,
     )
 
@@ -178,7 +181,7 @@ class LeakageP(Effect):
     confused_with = ("piston_seal_leakage", "valve_null_shift", "flow coefficients", "leakage_N")
     separated_by = "valves closed at a held position: p_P decays to p_ext while p_N stays"
     one_form = True
-    parameters = (_conductance("from chamber P to the outside"), VISCOUS)
+    parameters = (_conductance_parameter("from chamber P to the outside"), VISCOUS)
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
         """Take the leak from chamber P."""
@@ -198,7 +201,7 @@ class LeakageN(Effect):
     confused_with = ("piston_seal_leakage", "valve_null_shift", "flow coefficients", "leakage_P")
     separated_by = "valves closed at a held position: p_N decays to p_ext while p_P stays"
     one_form = True
-    parameters = (_conductance("from chamber N to the outside"), VISCOUS)
+    parameters = (_conductance_parameter("from chamber N to the outside"), VISCOUS)
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
         """Take the leak from chamber N."""

@@ -36,7 +36,7 @@ class SupplyDroopProportional(Reservoir, Effect):
             null=3e-8,
             start=3e-8,
             description="slope of the regulator, flow over droop",
-            source="100-1000 l/min (ANR) at a droop of 0.3-1 bar, data sheets of small regulators",
+            source="100-1000 l/min (ANR) at a droop of 0.3-1 bar, data sheets; small ones a tenth",
         ),
         INTERNAL_LEAKAGE,
     )

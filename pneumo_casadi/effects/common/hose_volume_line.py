@@ -13,7 +13,7 @@ from pneumo_casadi.valve.orifice import orifice_expression
 B_HOSE, M_HOSE = 0.3, 0.5
 #: Volume below which the hose fades out of the axis [m³]: 10 cm of 6 mm bore.
 V_REGULAR = 3e-6
-#: The same over the conductance of the hose, where that is less [s Pa]: it fills in 10 ms at 1 bar.
+#: V_0/C of narrow hoses [s Pa], which fades out below a smaller volume: it fills in 10 ms at 1 bar.
 REGULAR_RATIO = 1e3
 SOURCE = "mass balance of a volume at one temperature; ISO 6358-1:2013 for hose and fittings"
 VOLUME = Parameter(
@@ -58,7 +58,7 @@ PARAMETERS = (VOLUME, CONDUCTANCE, LAMINAR)
 def regular_volume(C: Expression) -> Expression:
     """Return the volume V_0 below which a hose of conductance C fades out of the axis [m³].
 
-    That of 10 cm of 6 mm bore, or less where the hose is so narrow that it would fill slowly still.
+    V_0 is that of 10 cm of 6 mm bore, or 1e3 s Pa times C if that is less: narrow hoses are small.
     """
     return ca.fmin(V_REGULAR, REGULAR_RATIO * C)
 

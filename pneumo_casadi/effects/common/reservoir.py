@@ -19,11 +19,12 @@ PER_VOLUME = Parameter(
     scale=1e3,
     null=0.0,
     start=1e3,
-    description="inverse of the reservoir's volume",
+    description="inverse of the reservoir's volume; none where the regulator fills it in 0.5 ms",
     source="0.1-10 litre: 1e4 to 1e2 1/m³; a feed line without a reservoir: 1e5 (10 ml) and more",
 )
 
-#: Time in which a droop rises at least [s]: what is faster is as good as none, and stiff.
+#: Time in which the regulator takes a droop back, at least [s]: what is faster is as good as no
+#: reservoir, and stiff.
 FASTEST = 5e-4
 
 
@@ -35,7 +36,8 @@ class Reservoir:
     as large; the recorded channels cannot distinguish the two. At 1/V = 0, the null value, the
     reservoir is infinite and does not droop; the derivatives there are exact. A record begins at
     the supply pressure: what leaks then lowers it for good, within tenths of a second. A volume so
-    small that the droop would rise in less than `FASTEST` counts as one in which it takes as long.
+    small that the regulator would take a droop back in less than `FASTEST` counts as one in which
+    it takes as long.
     """
 
     measured_by: ClassVar[str] = "p_supply"

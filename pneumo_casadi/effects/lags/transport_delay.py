@@ -3,10 +3,10 @@ r"""Transport delay by Padé approximants, regular where it vanishes: of flows a
 A delay T is `SECTIONS` delays of τ = T/`SECTIONS`, each
 
 .. math:: G(s) = \frac{1 + (d_1 - τ) s + (d_2 - d_1 τ + τ^2/2) s^2}{1 + d_1 s + d_2 s^2},
-          \qquad d_1 = \frac{τ + τ_0}{2}, \quad d_2 = \frac{(τ + τ_0)^2}{12}
+          \qquad d_1 = \frac{ϑ}{2}, \quad d_2 = \frac{ϑ^2}{12}, \quad ϑ = τ + \frac{τ_0^2}{τ_0 + τ}
 
-It agrees with e^{-sτ} to second order in s for any τ_0, is the (2, 2) Padé approximant of it for
-τ_0 = 0, and is 1 at T = 0: poles and zeros cancel. The states are w and its rate g.
+It agrees with e^{-sτ} to second order in s, is 1 at T = 0, where poles and zeros cancel, and nearly
+its (2, 2) Padé approximant, ϑ = τ, where τ is far above τ_0. The states are w and its rate g.
 """
 
 from collections.abc import Sequence
@@ -14,15 +14,15 @@ from collections.abc import Sequence
 from pneumo_casadi.model.effect import Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair
 
-#: Sections of a delay: two follow 25 ms up to 40 Hz within 10° of phase.
+#: Sections of a delay: two follow 10 ms up to 60 Hz and 25 ms up to 30 Hz within 10° of phase.
 SECTIONS = 2
-#: Added to the delay of a section in the denominator [s].
+#: Time of the denominator of a section without delay [s].
 TAU_REGULAR = 2e-3
 
 
-def delay_states(unit: str, scale: float) -> tuple[State, ...]:
-    """Return the states of a pair of delayed values, of their unit and scale."""
-    kinds = (("w", unit, scale), ("g", f"{unit}/s", 100 * scale))
+def delay_states(unit: str, rate_unit: str, scale: float) -> tuple[State, ...]:
+    """Return the states of a pair of delayed values, of their units and scale."""
+    kinds = (("w", unit, scale), ("g", rate_unit, 100 * scale))
     return tuple(
         State(f"{name}_{k}_{c}", of, size)
         for c in "PN"
@@ -75,5 +75,5 @@ def _passed(value: Expression, T: Expression, at: Scope, k: int, c: str) -> Expr
 
 
 def _denominator(tau: Expression) -> tuple[Expression, Expression]:
-    whole = tau + TAU_REGULAR
+    whole = tau + TAU_REGULAR**2 / (TAU_REGULAR + tau)
     return whole / 2, whole**2 / 12

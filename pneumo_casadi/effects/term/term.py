@@ -33,7 +33,8 @@ DRIVERS: Mapping[str, str] = {
 }
 #: What multiplies the formula in a force and in a mass flow, and the unit of the term there.
 FORCE_FACTORS: Mapping[str, str] = {"1": "N", "sign(v)": "N", "v": "N s/m"}
-#: Of a flow dq_m/du times a voltage is a shifted command, of one spool for both chambers ±dq_m/du.
+#: With ``dq_m/du`` the formula is a shift of the command [V]; with ``±dq_m/du`` it is added for
+#: valve P and taken from valve N, as one spool moves that feeds both.
 FLOW_FACTORS: Mapping[str, str] = {
     "1": "kg/s",
     "p": "kg/(s Pa)",
@@ -114,7 +115,8 @@ class Term:
                     f"{', '.join(map(str, options))}"
                 )
         own = ("u", "p", "p_other")
-        elsewhere = own if self.balances[0] in ("force", "measurement_x") else ("F",)
+        ports = self.factor == "p_supply" or self.shifts_command
+        elsewhere = own if ports or self.balances[0] in ("force", "measurement_x") else ("F",)
         if self.driver in elsewhere:
             raise ModelError(
                 f"term {self.name}: driver {self.driver!r} does not exist in "
@@ -132,6 +134,11 @@ class Term:
         if self.balances[0].startswith("measurement"):
             return {"1": "m" if self.balances == ("measurement_x",) else "Pa"}
         return FORCE_FACTORS if "force" in self.balances else FLOW_FACTORS
+
+    @property
+    def shifts_command(self) -> bool:
+        """Whether the formula is added to the command of valves [V]."""
+        return self.factor.endswith("dq_m/du")
 
     @property
     def law(self) -> Formula:
@@ -155,17 +162,25 @@ class Term:
 
     @property
     def expression(self) -> str:
-        """The term as plain text, with the driver's name for d."""
-        words = [self.driver if word == "d" else word for word in _split(self.law.text)]
-        text = "".join(words)
-        if self.factor == "1":
+        """The term as plain text, with the driver's name for d; what it adds to a command."""
+        text = _in_words(self.law.text, self.driver)
+        if self.factor == "1" or self.shifts_command:
             return text
         return f"{self.factor} ({text})" if " + " in text else f"{self.factor} {text}"
 
     @property
     def text(self) -> str:
-        """The term with the balances that it is added to."""
+        """The term with the balances that it is added to, or the commands that it shifts."""
+        if self.shifts_command:
+            signs = {"P": "+", "N": "−" if self.factor.startswith("±") else "+"}
+            chambers = [name[-1] for name in self.balances]
+            return " and ".join(f"u_{c} {signs[c]} ({self.expression})" for c in chambers)
         return f"{' and '.join(self.balances)} + {self.expression}"
+
+
+def _in_words(text: str, driver: str) -> str:
+    """Return a formula with the driver's name for d."""
+    return "".join(driver if word == "d" else word for word in _split(text))
 
 
 def _split(text: str) -> list[str]:
@@ -329,6 +344,6 @@ def _junction(term: Term) -> dict[str, Any]:
         return {"output": output}
     if term.factor == "p_supply":
         return {"supply": supply}
-    if term.factor.endswith("dq_m/du"):
+    if term.shifts_command:
         return {"spool": spool}
     return {"valve_flow" if term.factor == "q_m" else "chamber_flow": flow}

@@ -26,7 +26,7 @@ class ValveDeadTime(Effect):
     name = "valve_dead_time"
     cause = "valve_dynamics"
     equation = "u_spool(t) = u(t − T)"
-    source = "ISO 10770-1:2009, dead time of valves; cycle times of field buses"
+    source = "dead times in data sheets of valves; cycle times of field buses"
     shows = "both mass flow balances, in proportion to u̇: each change of the command, late"
     confused_with = ("valve_dynamics", "hose", "position_delay", "pressure_sensor_lag")
     separated_by = "steps of the command: dead time shifts the answer, a slow spool rounds it"
@@ -45,7 +45,7 @@ class ValveDeadTime(Effect):
             source="1-10 ms of a field bus or a pilot stage, up to 30 ms of a radio link",
         ),
     )
-    states = delay_states("V", 1.0)
+    states = delay_states("V", "V/s", 1.0)
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with the spool where the command holds it."""

@@ -51,6 +51,8 @@ _SUSPECTS = {
     "t_reversal": ("", "creep, presliding, play"),
     "s_reversal": ("", "presliding, play, a belt that stretches"),
 }
+#: The same of what shifts the command of a valve.
+_SHIFTED = ("dither or ripple of the command", "a null of the valve that warms up or wanders")
 
 
 def cause_sentences(
@@ -218,11 +220,12 @@ def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         for name, value in term.parameters.items()
     }
     sizes = "; ".join(f"{name} = {quantity(value)}" for name, value in fitted.items())
+    formula = term.term.text if term.term.shifts_command else term.term.expression
     return (
         f"A term over {DRIVER_NAMES[term.term.driver]} in the {where}{beside} "
         f"closes {whole(term.closes.value)} of the held-out gap of the balances (95 % interval "
         f"{between(term.closes)}).",
-        f"Formula: {term.term.expression} [{term.term.unit}], with {sizes}.",
+        f"Formula: {formula} [{term.term.unit}], with {sizes}.",
         f"It is a description, not a cause: look for what acts over {suspects(term)}.",
     )
 
@@ -231,9 +234,8 @@ def suspects(term: DiscoveredTerm) -> str:
     """Return the driver of a discovered term, and what acts over it on axes."""
     driver = term.term.driver
     repeats = "period" in term.term.parameters
-    examples = _SUSPECTS[driver][0 if repeats else 1]
-    if term.term.factor.endswith("dq_m/du"):
-        examples = "a null of the valve, or a command, that wanders"
+    known = _SHIFTED if term.term.shifts_command else _SUSPECTS[driver]
+    examples = known[0 if repeats else 1]
     name = DRIVER_NAMES[driver] + (", again and again" if repeats else "")
     return name + (f", such as {examples}" if examples else "")
 
@@ -246,7 +248,8 @@ def discovered_fact(discovered: DiscoveredTerm) -> str:
         if name != "phase"
     )
     closes = f"closes {whole(discovered.closes.value)} of the gap of the balances"
-    return f"{discovered.term.expression}; {sizes}; {closes}"
+    term = discovered.term
+    return f"{term.text if term.shifts_command else term.expression}; {sizes}; {closes}"
 
 
 def joined(words: Sequence[str], last: str = "and") -> str:

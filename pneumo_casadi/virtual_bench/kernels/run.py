@@ -89,8 +89,8 @@ def run(
     memory, shown, row = np.zeros(MEMORY), np.zeros(3), np.zeros(rows.shape[1])
     remembered = np.zeros(REMEMBERED)
     plays, target, quiet = np.zeros((2, 3)), np.zeros(2), np.zeros(3)
-    late = int(par.valve_dead_time_T / dt + 0.5)
-    sent = np.zeros((late + 1, 2))
+    late, done = int(par.valve_dead_time_T / h + 0.5), -1  # in steps of the integration
+    sent = np.zeros((late // substeps + 2, 2))
     mode = FREE if par.presliding_distance > 0.0 else HELD
     settle(y, par, memory, past)
     now = 0
@@ -100,16 +100,19 @@ def run(
         t, h = (instants[k], intervals[k] / substeps) if k >= 0 else (k * dt, dt / substeps)
         observed = noise[k] if k >= 0 else quiet
         control(shown, observed, x_ref[j], common[j], dt, par, remembered, row)
-        copy(row[:2], sent[(k + settling) % (late + 1)])
-        spool_targets(t, sent[(k + settling + 1) % (late + 1)], plays, target, par)
+        copy(row[:2], sent[(k + settling) % sent.shape[0]])
         if k >= 0:
             copy(row, rows[k])
-        if 0 <= k < states.shape[0]:
-            copy(y, states[k])
-            modes[k] = mode
-            rates(t, y, work[0], par, mode, target, bristles)
-            accelerations[k] = work[0, V]
         for i in range(substeps):
+            due = (now - late) // substeps
+            if due > done:  # each command once, for the plays
+                spool_targets(t + i * h, sent[due % sent.shape[0]], plays, target, par)
+                done = due
+            if i == 0 and 0 <= k < states.shape[0]:
+                copy(y, states[k])
+                modes[k] = mode
+                rates(t, y, work[0], par, mode, target, bristles)
+                accelerations[k] = work[0, V]
             mode = advance(t + i * h, h, y, par, mode, target, bristles, work)
             now += 1
             observe(y, par, memory, past, now, h, shown)

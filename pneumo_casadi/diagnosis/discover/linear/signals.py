@@ -136,7 +136,8 @@ class Signals:
     @cached_property
     def _command_flows(self) -> FloatArray:
         """Derivatives of these flows to a shift of their commands, (2, N) [kg/(s V)]."""
-        step = SHARE * float(np.abs(self.motion.u).max())
+        commands = [np.abs(u).max() for n, u in self.measured.items() if n.startswith("u")]
+        step = SHARE * float(max(commands) or 1.0)
         above, below = (
             self.axis.with_effects(_Shift()).with_parameters({"shift.u": size})
             for size in (step, -step)
