@@ -32,6 +32,7 @@ _NAMING_PARAMETERS = (
     "scanned",
     "staircase",
     "command_delays",
+    "flow_delays",
     "sensor_delays",
     "sensor_offsets",
 )
@@ -79,6 +80,9 @@ class Effect:
         Parameters that delay the command [s], by short name. If all are less than a sampling
         interval, that is when samples were taken and the command was updated, and no property of
         the axis.
+    flow_delays : tuple of str
+        Parameters by which all flow arrives late [s], by short name: a command that acts late looks
+        nearly the same.
     sensor_delays : tuple of str
         Parameters by which what `sensors` show is late [s], by short name.
     sensor_offsets : tuple of str
@@ -159,6 +163,7 @@ class Effect:
     passive: ClassVar[bool] = False
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
     command_delays: ClassVar[tuple[str, ...]] = ()
+    flow_delays: ClassVar[tuple[str, ...]] = ()
     sensor_delays: ClassVar[tuple[str, ...]] = ()
     sensor_offsets: ClassVar[tuple[str, ...]] = ()
     one_form: ClassVar[bool] = False

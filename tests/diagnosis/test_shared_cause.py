@@ -94,3 +94,10 @@ def test_a_slow_valve_gives_all_sensors_one_delay(made_case, hidden, rather_the_
     effects = EFFECTS["pressure_sensor_lag"](), EFFECTS["position_delay"]()
     fitted = fit_model(study, effects, fit_model(study, ()).values)
     assert bool(rather_one_cause(effects, fitted, OUTPUTS, WITHOUT, CRITERIA)) is rather_the_command
+
+
+@pytest.mark.parametrize("name", ["hose_travel_time", "hose_travel_time_per_chamber"])
+def test_all_flow_that_is_late_may_be_a_late_command(name):
+    assert "all flow would arrive late" in note({}, others=(name,))
+    assert not note({}, others=(name,), catalogue=EFFECTS)
+    assert not note({}, others=("hose_per_chamber",))

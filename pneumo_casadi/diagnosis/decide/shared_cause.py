@@ -1,9 +1,10 @@
 """Sensors that all err by one amount: rather what comes before all of them does.
 
 A command that acts T late moves all signals by T: they look like sensors of which each is late by
-T. Another supply or ambient pressure than the one stated looks like pressure sensors of which each
-is off by as much. One cause is more credible than two or three sizes that happen to be equal. Where
-the catalogue holds an effect of that cause the two were compared, and the better one is named.
+T, and so does all flow that arrives late. Another supply or ambient pressure than the one stated
+looks like pressure sensors of which each is off by as much. One cause is more credible than two or
+three sizes that happen to be equal. Where the catalogue holds an effect of that cause the two were
+compared, and the better one is named.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -25,7 +26,7 @@ def rather_one_cause(
     catalogue: Mapping[str, EffectFactory],
     criteria: Criteria,
 ) -> str:
-    """Return the note that errors of sensors may stand for one cause, or nothing.
+    """Return the note that errors of sensors, or late flows, may stand for one cause, or nothing.
 
     Parameters
     ----------
@@ -45,6 +46,11 @@ def rather_one_cause(
         return (
             f"all sensors would be late by one time, {1e3 * _mean(late, fitted):.1f} ms: rather "
             "the command acts late, for which the catalogue has no effect"
+        )
+    if not _delays_the_command(catalogue) and any(effect.flow_delays for effect in effects):
+        return (
+            "all flow would arrive late: rather the command acts late, for which the catalogue has "
+            "no effect"
         )
     pressures = set(outputs) - {"x"}
     shifted = () if _acts_on_supply(catalogue) else _sizes(effects, "sensor_offsets", pressures)

@@ -30,7 +30,9 @@ class ExhaustRestriction(Effect):
     confused_with = ("flow coefficients", "flow_map_shape", "hose")
     separated_by = "empty a chamber from high pressure to the end: only the end changes"
     # A small resistance is not felt, and leads no fit to a large one.
-    scanned = MappingProxyType({"R": (1e10, 1e11, 1e12, 5e12), "tau": (0.01, 0.1)})
+    scanned = MappingProxyType(
+        {"R": (1e10, 3e10, 1e11, 3e11, 1e12, 3e12, 1e13, 1e14), "tau": (0.01, 0.1)}
+    )
     parameters = (
         Parameter(
             "R",

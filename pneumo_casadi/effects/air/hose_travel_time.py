@@ -46,6 +46,7 @@ class HoseTravelTime(Effect):
     source = "Richer and Hurmuzlu (2000), J. Dyn. Syst. Meas. Control 122, eq. 29 and 30"
     shows = "both mass flow balances: the same flow, late"
     confused_with = ("hose", "valve_dynamics", "position_delay", "pressure_sensor_lag")
+    flow_delays: ClassVar[tuple[str, ...]] = ("T",)
     one_form: ClassVar[bool] = True  # waves, or a volume, are other forms of a hose
     separated_by = "commands held while the piston moves: the flow follows the pressure late"
     parameters: ClassVar[tuple[Parameter, ...]] = (TRAVEL_TIME,)
@@ -81,6 +82,7 @@ class HoseTravelTimePerChamber(HoseTravelTime):
     cause = "hose"
     equation = "q_m(t) = q_valve(t − T_c) of each chamber c"
     generalises = "hose_travel_time"
+    flow_delays = ("T_P", "T_N")
     parameters = tuple(
         replace(TRAVEL_TIME, name=f"T_{c}", description=f"travel time to chamber {c}") for c in "PN"
     )
