@@ -65,7 +65,7 @@ def regular_volume(C: Expression) -> Expression:
 
 def credible_volume(values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """Return the range of V: a smaller volume is a blend of two axes, and none to be built."""
-    return {"V": (float(regular_volume(values["C"])), 1e-3)}
+    return {"V": (float(regular_volume(values["C"])), VOLUME.upper)}
 
 
 def hose_share(V: Expression, at: Scope) -> Expression:

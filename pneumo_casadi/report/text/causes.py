@@ -220,14 +220,19 @@ def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         for name, value in term.parameters.items()
     }
     sizes = "; ".join(f"{name} = {quantity(value)}" for name, value in fitted.items())
-    formula = term.term.text if term.term.shifts_command else term.term.expression
     return (
         f"A term over {DRIVER_NAMES[term.term.driver]} in the {where}{beside} "
         f"closes {whole(term.closes.value)} of the held-out gap of the balances (95 % interval "
         f"{between(term.closes)}).",
-        f"Formula: {formula} [{term.term.unit}], with {sizes}.",
+        f"Formula: {_formula(term)} [{term.term.unit}], with {sizes}.",
         f"It is a description, not a cause: look for what acts over {suspects(term)}.",
     )
+
+
+def _formula(discovered: DiscoveredTerm) -> str:
+    """Return the formula of a term; of a shift, with the commands that it is added to."""
+    term = discovered.term
+    return term.text if term.shifts_command else term.expression
 
 
 def suspects(term: DiscoveredTerm) -> str:
@@ -248,8 +253,7 @@ def discovered_fact(discovered: DiscoveredTerm) -> str:
         if name != "phase"
     )
     closes = f"closes {whole(discovered.closes.value)} of the gap of the balances"
-    term = discovered.term
-    return f"{term.text if term.shifts_command else term.expression}; {sizes}; {closes}"
+    return f"{_formula(discovered)}; {sizes}; {closes}"
 
 
 def joined(words: Sequence[str], last: str = "and") -> str:
