@@ -9,7 +9,6 @@ from typing import Any
 import pandas as pd
 
 from pneumo_casadi.data.bench.bench import Bench
-from pneumo_casadi.data.bench.bench_sections import noise_content
 from pneumo_casadi.data.bench.driven_bench import is_metered
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import inspect_case
@@ -22,11 +21,8 @@ from pneumo_casadi.data.record_contents import (
     record_contents,
     statements,
 )
-from pneumo_casadi.data.recording.channels import UNITS, column_name
 from pneumo_casadi.runtime.presentation import Presentable
 
-NOISE_RATIO = 2.0
-"""Estimated over stated noise, either way, that is worth a finding: intervals scale with it."""
 WIDTH = 100
 MOST_COLUMNS = 5
 """Records that stand side by side within this width; more of them stand below each other."""
@@ -189,7 +185,7 @@ def check(case: Case | str | Path) -> CaseCheck:
     )
     return CaseCheck(
         case,
-        merge_findings((*case.findings, *_noise(case, contents), *_flow_map(case))),
+        merge_findings((*case.findings, *_flow_map(case))),
         contents,
         statements(
             contents, case.bench, metered_flows(case.folder) if is_metered(case.bench) else {}
@@ -207,28 +203,6 @@ def _flow_map(case: Case) -> Iterator[Finding]:
             why = "bench.json does not say that both valves were metered (`valve.source`)"
         text = f"`{case.flow_map_path.name}` is not used: {why}."
         yield Finding(Grade.NOTE, "map not used", "flow_map", text)
-
-
-def _noise(case: Case, contents: tuple[RecordContents, ...]) -> Iterator[Finding]:
-    stated = case.bench.noise
-    if stated is None:
-        return
-    for content in contents:
-        for name, sigma in content.noise.items():
-            expected = stated.of(name)
-            if not expected or not sigma or 1 / NOISE_RATIO < sigma / expected < NOISE_RATIO:
-                continue
-            key = "p_Pa" if name in ("p_P", "p_N") else column_name(name)
-            yield Finding(
-                Grade.CAUTION,
-                "stated noise",
-                name,
-                f"`{name}` has noise of {sigma:.3g} {UNITS[name]} per sample, the bench states "
-                f"{expected:.3g}: intervals and noise floor scale with it; correct it.",
-                "bench.json",
-                {"sensor_noise": noise_content(stated) | {key: float(f"{sigma:.3g}")}},
-                content.name,
-            )
 
 
 def _item(text: str) -> str:

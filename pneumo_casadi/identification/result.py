@@ -128,9 +128,10 @@ class Identification(Presentable):
         return judge_usability(self.warnings, reason + simulated)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter: WLS and output error with robust std, truth if known [SI].
+        """Return one row a parameter: WLS and output error with their std, truth if known [SI].
 
-        WLS is NaN for a parameter that it does not estimate; the std of a held parameter is 0.
+        Each std is the wider of the ideal and the robust one. WLS is NaN for a parameter that it
+        does not estimate; the std of a held parameter is 0.
         """
         index = pd.Index(self.parameter_names, name="parameter")
         wls = self.wls.to_frame().reindex(index)
@@ -138,9 +139,9 @@ class Identification(Presentable):
         frame = pd.DataFrame(
             {
                 "wls": wls["estimate"],
-                "wls_std": wls["std_hac"],
+                "wls_std": wls[["std", "std_hac"]].max(axis=1),
                 "output_error": fit["estimate"],
-                "output_error_std": fit["std_robust"],
+                "output_error_std": fit[["std", "std_robust"]].max(axis=1),
                 "unit": fit["unit"],
             }
         )

@@ -1,6 +1,7 @@
 """The check of a case: figures of the record are right, and what is lacking is recorded next."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,6 @@ from pneumo_casadi.data import (
     InputHold,
     PressureBench,
     Recording,
-    SensorNoise,
     ValveData,
     Valves,
 )
@@ -46,12 +46,17 @@ def test_the_noise_is_that_of_the_bench(result, case):
         assert content.noise["p_P"] == pytest.approx(case.bench.noise.p, rel=0.03)
 
 
-def test_noise_stated_wrongly_is_a_caution_with_the_value(case):
-    wrong = replace(case, bench=replace(case.bench, noise=SensorNoise(p=1500.0, x=1.5e-5)))
-    result = pc.check(wrong)
+def test_noise_stated_wrongly_is_a_caution_with_the_value_wherever_the_case_is_read(tmp_path):
+    folder = tmp_path / "case"
+    shutil.copytree(EXAMPLE, folder)
+    content = json.loads((folder / "bench.json").read_text("utf-8"))
+    content["sensor_noise"] = {"p_Pa": 1500.0, "x_m": 1.5e-5}
+    (folder / "bench.json").write_text(json.dumps(content), "utf-8")
+    result = pc.check(folder)
     assert {finding.name for finding in result.findings} == {"stated noise"} and result.usable
     noise = result.findings[0].suggestion["sensor_noise"]
     assert noise["p_Pa"] == pytest.approx(150, rel=0.03) and noise["x_m"] == 1.5e-5
+    assert pc.read_case(folder).findings == result.findings  # `identify` repeats them
 
 
 def test_a_short_slow_record_says_what_to_record_next(case):

@@ -95,8 +95,14 @@ def test_commands_of_another_law_are_noted(recording, bench):
 def test_noise_finer_than_the_data_is_quantisation(recording, bench):
     fine = replace(bench, noise=SensorNoise(p=150.0, x=1e-9))
     rounded = recording.with_channels({"x": np.round(recording["x"], 5)})
-    (finding,) = check_recording(rounded, fine)
-    assert "`x` is quantised to 1e-05 m" in finding.text
+    noise, coarse = sorted(check_recording(rounded, fine), key=lambda finding: finding.name)[::-1]
+    assert "`x` is quantised to 1e-05 m" in coarse.text and noise.name == "stated noise"
+
+
+def test_an_encoder_that_only_rounds_has_no_noise_to_state(recording, bench):
+    fine = replace(bench, noise=SensorNoise(p=150.0, x=1e-9))
+    rounded = recording.with_channels({"x": np.round(recording["x"], 3)})
+    assert "stated noise" not in {finding.name for finding in check_recording(rounded, fine)}
 
 
 def held_back(recording, controller):

@@ -60,7 +60,9 @@ def _gauge_pressures(balances: MassBalances, entries: ColumnEntries) -> Iterator
     p_ext = balances.bench.p_ext
     as_read, absolute = balances.left(), balances.left(pressure_offset=p_ext)
     better = _times_less(absolute, as_read)
-    if better <= LESS:
+    # Force and mass balances are of different sensors: where both speak for it, less is needed.
+    feigned = not balances.metered and effort_looks_gauge(balances.record, balances.bench)
+    if better <= (1.0 if feigned else LESS):
         yield from _gauge_chamber(balances, entries, as_read, absolute)
         return
     measured = (
@@ -76,7 +78,7 @@ def _gauge_pressures(balances: MassBalances, entries: ColumnEntries) -> Iterator
             # The areas fit worse for it: the shape of the map is wrong, not the pressures.
             yield _map_or_gauge(balances, measured, gains_absolute)
             return
-    elif not effort_looks_gauge(balances.record, balances.bench):
+    elif not feigned:
         grade = Grade.CAUTION if better > MUCH_LESS else None
     if grade is not None:
         yield Finding(

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from pneumo_casadi.data.bench.bench_sections import noise_content
 from pneumo_casadi.data.bench.controllers import (
     NestedController,
     NoController,
@@ -12,7 +13,7 @@ from pneumo_casadi.data.bench.controllers import (
 from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.bench.valve_source import Arrangement
 from pneumo_casadi.data.checks.finding import Finding, Grade
-from pneumo_casadi.data.recording.channels import UNITS
+from pneumo_casadi.data.recording.channels import UNITS, column_name
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
@@ -25,6 +26,7 @@ CLIPPED_ROWS = 5  # equal rows: noise of such size repeats the extreme value so 
 FEWEST_CLIPPED = 2  # once may be a rest
 NORMAL_MAD = 1.4826  # standard deviation of a normal distribution over its median deviation
 CLIPPED_SHARE = 0.01  # of the rows, from which a fit follows the limit and not the axis
+NOISE_RATIO = 2.0  # estimated over stated noise, either way: what a model leaves is held against it
 
 
 def check_sensors(recording: Recording, bench: AnyBench) -> Iterator[Finding]:
@@ -33,8 +35,8 @@ def check_sensors(recording: Recording, bench: AnyBench) -> Iterator[Finding]:
     Yields
     ------
     Finding
-        Odd but possible: short frozen stretches, clipped channels, coarse quantisation, commands
-        off the law.
+        Odd but possible: short frozen stretches, clipped channels, coarse quantisation, noise that
+        is not the one stated, commands off the law.
 
     Raises
     ------
@@ -50,6 +52,8 @@ def check_sensors(recording: Recording, bench: AnyBench) -> Iterator[Finding]:
         yield from clipped
         if sigma is not None and not clipped:
             yield from _frozen(recording, channel, sigma)
+        if sigma:
+            yield from _off_the_stated_noise(recording, bench, channel, sigma)
     controller = bench.controller
     if "x_ref" not in recording or isinstance(controller, NoController | NestedController):
         return
@@ -234,3 +238,29 @@ def _off_the_law(recording: Recording, controller: ProportionalController) -> It
             "will not follow the record.",
             source=recording.name,
         )
+
+
+def _off_the_stated_noise(
+    recording: Recording, bench: AnyBench, channel: str, stated: float
+) -> Iterator[Finding]:
+    """Yield that a sensor has other noise than stated: its accuracy hides the misfit of a model."""
+    sigma = noise_of(recording[channel])
+    rounded = sigma < NOISY * quantisation_step(recording[channel])  # told as such where it matters
+    if (
+        bench.noise is None
+        or rounded
+        or not sigma
+        or 1 / NOISE_RATIO < sigma / stated < NOISE_RATIO
+    ):
+        return
+    key = "p_Pa" if channel in ("p_P", "p_N") else column_name(channel)
+    yield Finding(
+        Grade.CAUTION,
+        "stated noise",
+        channel,
+        f"`{channel}` has noise of {sigma:.3g} {UNITS[channel]} per sample, the bench states "
+        f"{stated:.3g}: what a model leaves is held against the noise stated; correct it.",
+        "bench.json",
+        {"sensor_noise": noise_content(bench.noise) | {key: float(f"{sigma:.3g}")}},
+        recording.name,
+    )
