@@ -7,10 +7,12 @@ computed the new one has u one row late.
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.controllers import ProportionalController
 from pneumo_casadi.data.checks.finding import Finding, Grade
+from pneumo_casadi.data.checks.smoothed import least_squares
 from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.parameters import FloatArray
@@ -23,6 +25,8 @@ near the one stated. One row off leaves a hundred times more wherever the refere
 LAW_HOLDS, FEWEST_ROWS, SLIGHTLY_SMALLER = 1e-3, 1000, 0.95
 """Where the law explains all but this share of the variance, only rounding is left, and so many
 rows tell it from misfit: then a slight difference is enough, as slow motion gives it."""
+ONE_LAW = 0.02
+"""Gains of reference and position that differ by less are those of one law."""
 JUMP, JUMP_SHARE = 12.0, 0.03
 """A step of the command: over the usual difference of neighbours, and over the range."""
 ROWS_BEFORE = 20
@@ -63,26 +67,42 @@ def check_timing(recording: Recording, bench: Bench, entries: ColumnEntries) -> 
 def rows_late_by_law(recording: Recording, controller: ProportionalController) -> int:
     """Return by how many rows u_P is late against gain (x_ref − x), 0 where the law cannot tell.
 
+    Where reference, position and speed would need gains of their own beside the delay, they are
+    given them: a position of another scale, or one that is late, is no delay of the command.
+
     Parameters
     ----------
     recording : Recording
         With u_P [V], x and x_ref [m].
     controller : ProportionalController
-        The law; its gain and a null voltage are fitted to the record.
+        The law; its gains and a null voltage are fitted to the record.
 
     Returns
     -------
     int
         Negative where u_P is early.
     """
-    law = recording["x_ref"] - recording["x"]
+    x_ref, x = recording["x_ref"], recording["x"]
     inner = slice(MOST_ROWS, recording.N - MOST_ROWS)
-    u = recording["u_P"][inner]
-    unlimited = np.abs(u - controller.u_0) < 0.98 * controller.u_max
+    unlimited = np.abs(recording["u_P"][inner] - controller.u_0) < 0.98 * controller.u_max
     if int(unlimited.sum()) < 10 * MOST_ROWS:
         return 0
+    rows_used = np.flatnonzero(unlimited) + MOST_ROWS
+    parts = np.array([x_ref, x, np.gradient(x)])
+    rows = _best_delay(recording["u_P"], np.array([x_ref - x]), rows_used)
+    if rows:
+        columns = [np.ones(rows_used.size), *parts[:, rows_used - rows]]
+        _, g_ref, g_x, g_v = least_squares(columns, recording["u_P"][rows_used])[0]
+        # The gain of the speed over that of the reference is a delay of the position in rows.
+        if abs(g_ref + g_x) > ONE_LAW * abs(g_ref) or abs(g_v) > abs(g_ref):
+            return _best_delay(recording["u_P"], parts, rows_used)
+    return rows
+
+
+def _best_delay(u: FloatArray, law: FloatArray, rows_used: NDArray[np.intp]) -> int:
+    """Return the delay [rows] with which rows of a law explain u best, 0 where none surely does."""
     delays = range(-MOST_ROWS, MOST_ROWS + 1)
-    left = [_unexplained(np.roll(law, rows)[inner][unlimited], u[unlimited]) for rows in delays]
+    left = [_unexplained(law[:, rows_used - d], u[rows_used]) for d in delays]
     best = int(np.argmin(left))
     certain = left[best] < LAW_HOLDS and u.size >= FEWEST_ROWS and abs(delays[best]) < MOST_ROWS
     needed = SLIGHTLY_SMALLER if certain else SMALLER
@@ -90,10 +110,11 @@ def rows_late_by_law(recording: Recording, controller: ProportionalController) -
 
 
 def _unexplained(law: FloatArray, u: FloatArray) -> float:
-    """Return the share of the variance of u that a straight line over the law leaves."""
-    law, u = law - law.mean(), u - u.mean()
-    norm = float(law @ law) * float(u @ u)
-    return 1.0 - float(law @ u) ** 2 / norm if norm > 0 else 1.0
+    """Return the share of the variance of u that a constant and the rows of a law leave."""
+    law, u = law - law.mean(axis=1, keepdims=True), u - u.mean()
+    products, squares = law @ u, float(u @ u)
+    gains = np.linalg.lstsq(law @ law.T, products, rcond=None)[0]
+    return 1.0 - float(gains @ products) / squares if squares > 0 else 1.0
 
 
 def rows_late_by_pressures(recording: Recording) -> int:
@@ -117,8 +138,9 @@ def rows_late_by_pressures(recording: Recording) -> int:
     if len(answers) < FEWEST_STEPS:
         return 0
     for row in range(1, MOST_ROWS + 1):  # column MOST_ROWS is the row of the step itself
-        rise = answers[:, row] - answers[:, :row].mean(axis=1)
-        if rise.mean() > CERTAIN * rise.std() / np.sqrt(len(rise)):
+        rise, later = (answers[:, k] - answers[:, :row].mean(axis=1) for k in (row, row + 1))
+        # An answer goes on to grow, what is there by chance does not.
+        if later.mean() > rise.mean() > CERTAIN * rise.std() / np.sqrt(len(rise)):
             return MOST_ROWS + 1 - row
     return 0
 
