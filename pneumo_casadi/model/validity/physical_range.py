@@ -26,7 +26,11 @@ def position_limits(kind: AxisKind, parameters: Parameters) -> tuple[float, floa
 
 
 def require_physical_start(
-    kind: AxisKind, parameters: Parameters, constants: Mapping[str, float], x_0: FloatArray
+    kind: AxisKind,
+    parameters: Parameters,
+    constants: Mapping[str, float],
+    x_0: FloatArray,
+    name_of_x_0: str = "x_0",
 ) -> None:
     """Refuse an initial state without chamber volumes or with pressures that no gas has.
 
@@ -37,15 +41,17 @@ def require_physical_start(
     """
     for name, value in zip(kind.states, x_0.tolist(), strict=False):
         if not np.isfinite(value):
-            raise ModelError(f"x_0: {name} = {value} {UNITS[name]}; give finite numbers, SI units")
+            raise ModelError(
+                f"{name_of_x_0}: {name} = {value} {UNITS[name]}; give finite numbers, SI units"
+            )
         if UNITS[name] == "Pa" and value < LEAST_START * constants["p_ext"]:
             raise ModelError(
-                f"x_0: {name} = {value:g} Pa, far below the ambient pressure "
+                f"{name_of_x_0}: {name} = {value:g} Pa, far below the ambient pressure "
                 f"{constants['p_ext']:g} Pa; give absolute pressures in Pa, not in bar or gauge"
             )
     empty = _without_volume(kind, parameters, x_0[: len(kind.states), None])
     if empty is not None:
-        raise ModelError(f"x_0: {empty[1]}; give the position in m from mid-stroke")
+        raise ModelError(f"{name_of_x_0}: {empty[1]}; give the position in m from mid-stroke")
 
 
 def require_physical(
