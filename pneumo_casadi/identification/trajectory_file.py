@@ -80,7 +80,7 @@ def simulate_case(
 def trajectory_frame(simulated: RecordSimulation) -> pd.DataFrame:
     """Return a simulation in the columns of a case folder, SI units, without noise."""
     record, run = simulated.record, simulated.trajectory
-    columns = {"t_s": np.round(record.t, 10)}
+    columns = {"t_s": np.round(record.t, 10) + 0.0}  # no -0
     columns |= {column_name(name): run[name] for name in (*run.inputs, *run.outputs)}
     if "x_ref" in record:
         columns["x_ref_m"] = record["x_ref"]

@@ -15,6 +15,12 @@ X_0 = [4e5, 5e5, 0.0, 0.0]
 CLOSED = np.zeros((N, 2))
 
 
+class Times(dict):
+    """Stands for a record of which only the time is read."""
+
+    t = property(lambda self: self["t"])
+
+
 @pytest.fixture(scope="module")
 def axis(made):
     return made.true_axis()
@@ -65,6 +71,14 @@ def test_a_simulated_record_is_not_written_with_a_piston_beyond_its_stroke(axis,
     case = SimpleNamespace(validate=[SimpleNamespace(name="held out")])
     with pytest.raises(ModelError, match=r"the simulation of held out at t = .* has no volume"):
         trajectory_file.simulate_case(axis, case, closed_loop=False)
+
+
+def test_the_first_time_of_a_simulation_is_written_without_a_sign():
+    t = np.array([-1e-12, 1e-3])
+    run = SimpleNamespace(inputs=(), outputs=())
+    simulated = trajectory_file.RecordSimulation(Times({"t": t}), run)
+    first = trajectory_file.trajectory_frame(simulated)["t_s"].iloc[0]
+    assert not np.signbit(first)
 
 
 def test_a_jump_over_the_sample_without_volume_is_seen(axis):
