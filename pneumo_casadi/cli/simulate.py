@@ -59,9 +59,10 @@ def simulate(
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Simulate the axis on the records of CASE and write CSV files with the same columns.
+    """Simulate the axis on the records of CASE and write CSV files.
 
-    One file per record goes to FOLDER/simulation (default: report/CASE-simulation). With --bench,
+    One file per record, with the columns of a case folder in SI units whatever the columns of the
+    record are, goes to FOLDER/simulation (default: report/CASE-simulation). With --bench,
     FOLDER becomes a case folder instead (default: report/bench-SEED), recorded on a random axis
     of the virtual bench, whose equations are independent of the model; the labels go to --json.
     """

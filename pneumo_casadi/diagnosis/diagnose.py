@@ -36,7 +36,11 @@ from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
-from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
+from pneumo_casadi.diagnosis.prepare.prepare_study import (
+    applicable,
+    check_catalogue,
+    prepare_study,
+)
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
 from pneumo_casadi.diagnosis.result.diagnosis_result import Diagnosis
@@ -46,6 +50,7 @@ from pneumo_casadi.diagnosis.select.forward_selection import select_effects
 from pneumo_casadi.diagnosis.select.selection import Selection
 from pneumo_casadi.diagnosis.wording.conclusions import separating_experiment, unknown_hint
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.identification.flow_form import resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.model.effect import Effect
@@ -64,18 +69,27 @@ class DiagnosisOptions:
     keep : path, optional
         Folder that keeps finished fits: interrupted work is taken up again there. Refinements by
         output error, a few seconds each, are made anew.
-    flow_form : FlowForm, optional
+    flow_form : FlowForm or str, optional
         Form of the flow map; by default the one that `choose_flow_form` finds.
     degrees : tuple of int, optional
         Degrees of the flow polynomials (eq. 12), as in `IdentifyOptions`.
     criteria : Criteria, optional
         The numbers that decide the verdict.
+
+    Raises
+    ------
+    ModelError
+        If the form is unknown, or degrees are no three whole numbers.
     """
 
     keep: Path | None = None
     flow_form: FlowForm | None = None
     degrees: tuple[int, int, int] | None = None
     criteria: Criteria = CRITERIA
+
+    def __post_init__(self) -> None:
+        flow = IdentifyOptions(self.flow_form, self.degrees)
+        object.__setattr__(self, "flow_form", flow.flow_form)
 
 
 @one_thread
@@ -112,6 +126,8 @@ def diagnose(
     CaseError
         If the case cannot be read, a record is too short or shows no motion, or records to fit
         differ in sampling frequency.
+    ModelError
+        If `catalogue` holds no effects by name, or `options` are no `DiagnosisOptions`.
 
     Notes
     -----
@@ -133,7 +149,11 @@ def diagnose(
     ('none', True)
     """
     began = time.perf_counter()
-    options = options or DiagnosisOptions()
+    options = DiagnosisOptions() if options is None else options
+    if not isinstance(options, DiagnosisOptions):
+        raise ModelError(f"options: {options!r}; give DiagnosisOptions(...)")
+    offered = EFFECTS if catalogue is None else catalogue
+    check_catalogue(offered)
     report = progress or no_progress
     case = case if isinstance(case, Case) else read_case(case)
     report("reading", 0.0)
@@ -141,7 +161,6 @@ def diagnose(
         case, IdentifyOptions(flow_form=options.flow_form, degrees=options.degrees)
     )
     study, notes = prepare_study(case, flow_options, options.criteria)
-    offered = EFFECTS if catalogue is None else catalogue
     chosen = applicable(study, offered)
     selection = select_effects(
         study, chosen, executor, progress_range(report, 0.02, 0.8), options.keep

@@ -19,6 +19,7 @@ from pneumo_casadi.export.model import (
     identifier,
     require_rates,
 )
+from pneumo_casadi.export.operating_range import require_in_range, require_possible
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.json_files import json_text
@@ -111,7 +112,8 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
     Raises
     ------
     ModelError
-        If a name is unknown, what is given contradicts itself, or a state jumps at samples.
+        If a name is unknown, what is given contradicts itself, a state jumps at samples, or the
+        point lies beyond the stroke, the commands or the pressures that the axis can have.
 
     Examples
     --------
@@ -130,6 +132,7 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
         raise ModelError(f"no state or input {', '.join(unknown)}; there are {', '.join(known)}")
     if not all(np.isfinite(value) for value in held.values()):
         raise ModelError(f"operating point {held}: give finite numbers, SI units")
+    require_in_range(axis, held)
     both = {"u_P", "u_N"} <= held.keys()
     if both and _has_one_valve(axis) and held["u_P"] != -held["u_N"]:
         raise ModelError("one 5/3 valve gives chamber N the command -u_P: leave out u_N")
@@ -140,13 +143,16 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
         at = {name: i for i, name in enumerate(axis.states)}
         for name in held.keys() & at.keys():
             x[at[name]] = held[name]
+        require_possible(axis, x, u)
         return OperatingPoint(x, u)
     held.setdefault("x", 0.0)
     commands = held.keys() & set(axis.kind.commands)
     # One command of a valve moves the axis; one of two pressures asks for the other at rest.
     if not commands or (axis.kind.measured_inputs and len(commands) < len(axis.kind.commands)):
         held.setdefault("v", 0.0)
-    return _search(axis, held)
+    point = _search(axis, held)
+    require_possible(axis, point.x, point.u)
+    return point
 
 
 def linearise(axis: Axis, point: OperatingPoint | None = None) -> LinearAxis:
@@ -162,7 +168,8 @@ def linearise(axis: Axis, point: OperatingPoint | None = None) -> LinearAxis:
     Raises
     ------
     ModelError
-        If there is no rest, a derivative is not finite there, or a state jumps at samples.
+        If there is no rest, the axis cannot be at the point, a derivative is not finite there, or a
+        state jumps at samples.
 
     Notes
     -----
@@ -172,6 +179,7 @@ def linearise(axis: Axis, point: OperatingPoint | None = None) -> LinearAxis:
     """
     require_rates(axis, "a linear state space")
     at = point or operating_point(axis)
+    require_possible(axis, at.x, at.u)
     theta = axis.parameters.values
     matrices = [np.asarray(m, dtype=float) for m in _jacobians(axis)(at.x, at.u, theta)]
     if not all(np.isfinite(m).all() for m in matrices):

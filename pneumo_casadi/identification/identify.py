@@ -68,6 +68,8 @@ def identify(
     ------
     CaseError
         If the case cannot be read, or a servo axis has no flow map.
+    ModelError
+        If `options` are no `IdentifyOptions`, or choose what the axis has not.
     FitError
         If a fit fails; ``.partial`` holds its result as far as it got.
 
@@ -85,7 +87,9 @@ def identify(
     ['wls', 'wls_std', 'output_error', 'output_error_std']
     """
     began = time.perf_counter()
-    options = options or IdentifyOptions()
+    options = IdentifyOptions() if options is None else options
+    if not isinstance(options, IdentifyOptions):
+        raise ModelError(f"options: {options!r}; give IdentifyOptions(...)")
     report = progress or no_progress
     case = case if isinstance(case, Case) else read_case(case)
     truth = read_truth(case.folder)  # refused before the work, not after it

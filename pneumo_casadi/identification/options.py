@@ -2,10 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import isfinite
+from numbers import Real
+from typing import Any
 
 from pneumo_casadi.data import Case
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
 from pneumo_casadi.valve import FlowForm
+from pneumo_casadi.valve.polynomials import check_degrees
 
 #: Length of the windows over which a force-driven axis is fitted in open loop [s]. Over a whole
 #: record its position would drift with the square of the time.
@@ -18,8 +23,9 @@ class IdentifyOptions:
 
     Parameters
     ----------
-    flow_form : FlowForm, optional
-        Form of the flow map; by default the one that `choose_flow_form` finds.
+    flow_form : FlowForm or str, optional
+        Form of the flow map, as ``FlowForm.ISO6358`` or ``"iso6358"``; by default the one that
+        `choose_flow_form` finds.
     degrees : tuple of int, optional
         Degrees of the polynomials in the outlet pressure p in eq. 12 of the paper,
         q_m(u, p) = φ(p) + ψ(p, sign u) u: of the leakage φ, and of the flow gain ψ for u > 0 and
@@ -51,6 +57,12 @@ class IdentifyOptions:
         Whether each of several records is also fitted alone, flow map held, to set the spread of
         the estimates beside their intervals.
 
+    Raises
+    ------
+    ModelError
+        If a form is unknown, degrees, lengths or values are no numbers that can be used, or names
+        are not in a sequence.
+
     Examples
     --------
     Eq. 12 with the degrees of the paper, on ten seconds of each record:
@@ -78,6 +90,64 @@ class IdentifyOptions:
     fixed: Mapping[str, float] = field(default_factory=dict)
     start_values: Mapping[str, float] = field(default_factory=dict)
     each_record: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "flow_form", flow_form_of(self.flow_form))
+        if self.degrees is not None:
+            check_degrees(self.degrees)
+        for name, kind in (
+            ("windows", "lengths [s], as (0.5,)"),
+            ("effects", 'names, as ("hose",)'),
+        ):
+            values: Any = getattr(self, name)
+            if isinstance(values, str) or not hasattr(values, "__iter__"):
+                raise ModelError(f"{name}: {values!r}; give a sequence of {kind}")
+            object.__setattr__(self, name, tuple(values))
+        for window in self.windows:
+            if not (_is_finite(window) and window > 0):
+                raise ModelError(f"windows: {window!r} s; give positive lengths in seconds")
+        for name in ("start", "end"):
+            time = getattr(self, name)
+            if time is not None and not _is_finite(time):
+                raise ModelError(f"{name}: {time!r} s; give a time in seconds")
+        for name in ("fixed", "start_values"):
+            _check_values(name, getattr(self, name))
+        if not isinstance(self.output_error, OutputErrorOptions | None):
+            raise ModelError(f"output_error: {self.output_error!r}; give OutputErrorOptions")
+
+
+def flow_form_of(form: FlowForm | str | None) -> FlowForm | None:
+    """Return the form of a flow map that is given itself, by its name or not at all.
+
+    Raises
+    ------
+    ModelError
+        If no form has the name; the message lists all.
+
+    Examples
+    --------
+    >>> flow_form_of("iso6358") is FlowForm.ISO6358
+    True
+    """
+    try:
+        return None if form is None else FlowForm(form)
+    except ValueError:
+        known = ", ".join(item.value for item in FlowForm)
+        raise ModelError(f"flow_form: no form {form!r}; there are {known}") from None
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, Real) and isfinite(value)
+
+
+def _check_values(name: str, values: object) -> None:
+    """Refuse values of parameters that are no numbers by name."""
+    example = 'give numbers by name [SI], as {"M": 16.4}'
+    if not isinstance(values, Mapping):
+        raise ModelError(f"{name}: {values!r}; {example}")
+    for parameter, value in values.items():
+        if not _is_finite(value):
+            raise ModelError(f"{name}: {parameter} = {value!r}; {example}")
 
 
 def output_error_options(case: Case, options: IdentifyOptions) -> OutputErrorOptions:

@@ -12,9 +12,8 @@ from pneumo_casadi.data import Case, Recording
 from pneumo_casadi.data.recording.channels import column_name
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.simulation import (
-    Trajectory,
-)
+from pneumo_casadi.model.simulation import Trajectory
+from pneumo_casadi.model.validity.physical_range import require_physical
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.validation.simulations import free_run, loop_run
 
@@ -61,6 +60,8 @@ def simulate_case(
     ------
     CaseError
         If the case has no such record, or a record no reference.
+    ModelError
+        If a simulation leaves what the axis can be: the end of the stroke, or no pressure.
     """
     chosen = case.validate if records is RecordSet.VALIDATE else case.identify
     if not chosen:
@@ -70,6 +71,8 @@ def simulate_case(
     for i, record in enumerate(chosen):
         report(f"simulating {record.name}", i / len(chosen))
         run = loop_run(axis, record) if closed_loop else free_run(axis, record)
+        of_record = f"the simulation of {record.name}"
+        require_physical(axis.kind, axis.parameters, run.t, run.x, run.u, of_record)
         simulations.append(RecordSimulation(record, run))
     return tuple(simulations)
 
@@ -77,7 +80,7 @@ def simulate_case(
 def trajectory_frame(simulated: RecordSimulation) -> pd.DataFrame:
     """Return a simulation in the columns of a case folder, SI units, without noise."""
     record, run = simulated.record, simulated.trajectory
-    columns = {"t_s": np.round(record.t, 10)}
+    columns = {"t_s": np.round(record.t, 10) + 0.0}  # no -0
     columns |= {column_name(name): run[name] for name in (*run.inputs, *run.outputs)}
     if "x_ref" in record:
         columns["x_ref_m"] = record["x_ref"]

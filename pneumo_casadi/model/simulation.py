@@ -16,6 +16,17 @@ from pneumo_casadi.model.integration import accumulate, held_inputs, step_functi
 from pneumo_casadi.model.machine_code.compilation import compile_functions
 from pneumo_casadi.model.sampled_axis import SampledAxis, next_further
 from pneumo_casadi.model.stepping import Stepping, stepping_for
+from pneumo_casadi.model.validity.arguments import (
+    check_clock,
+    check_disturbance,
+    check_inputs,
+    check_memory,
+    check_reference,
+)
+from pneumo_casadi.model.validity.physical_range import (
+    require_physical,
+    require_physical_start,
+)
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.presentation import Brief
 
@@ -113,7 +124,8 @@ def simulate(
     Raises
     ------
     ModelError
-        If the simulation leaves the finite numbers.
+        If arguments do not fit together, or the axis leaves what it can be: a chamber without
+        volume, a pressure that is not positive, numbers that are not finite.
 
     Examples
     --------
@@ -126,12 +138,44 @@ def simulate(
     >>> round(float(run["x"][-1]), 6)
     1.0
     """
-    inputs = np.asarray(u, dtype=float)
-    stepping = stepping_for(axis, dt, hold, lengths)
+    inputs = check_inputs(axis.kind, u)
+    check_clock(dt, lengths, len(inputs))
     start = full_state(axis, x_0, inputs[0])
-    w = held_inputs(axis, inputs, hold, lengths)
+    require_physical_start(axis.kind, axis.parameters, axis.constants, start)
+    t, x, u = _open_loop(axis, inputs, dt, start, hold, lengths)
+    require_physical(axis.kind, axis.parameters, t, x, u)
+    return _trajectory(axis, t, x, u)
+
+
+def run_open_loop(
+    axis: Axis,
+    u: FloatArray,
+    dt: float,
+    x_0: FloatArray,
+    hold: InputHold = InputHold.ZERO,
+    lengths: FloatArray | None = None,
+) -> Trajectory:
+    """Simulate as `simulate` does, wherever the axis goes as long as all numbers are finite.
+
+    A model that is compared with a record may drift beyond the end of the stroke: that is an error
+    of the model, not of the call.
+    """
+    return _trajectory(axis, *_open_loop(axis, u, dt, full_state(axis, x_0, u[0]), hold, lengths))
+
+
+def _open_loop(
+    axis: Axis,
+    u: FloatArray,
+    dt: float,
+    start: FloatArray,
+    hold: InputHold,
+    lengths: FloatArray | None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return time, states and inputs."""
+    stepping = stepping_for(axis, dt, hold, lengths)
+    w = held_inputs(axis, u, hold, lengths)
     x = simulate_windows(axis, stepping, w[None], start[:, None])[0]
-    return _trajectory(axis, _instants(dt, len(inputs), lengths), x, inputs.T)
+    return _instants(dt, len(u), lengths), x, u.T
 
 
 def _instants(dt: float, N: int, lengths: FloatArray | None) -> FloatArray:
@@ -183,7 +227,8 @@ def simulate_closed_loop(
     Raises
     ------
     ModelError
-        If there is no controller, or the simulation leaves the finite numbers.
+        If there is no controller, arguments do not fit together, or the axis leaves what it can be,
+        see `simulate`.
 
     Examples
     --------
@@ -196,28 +241,60 @@ def simulate_closed_loop(
     >>> bool(abs(run["x"][-1] - 0.1) < 0.03)
     True
     """
-    reference = np.asarray(x_ref, dtype=float)
-    N, nu = reference.size, len(axis.inputs)
+    start = full_state(axis, x_0, axis.inputs_at_rest)
+    require_physical_start(axis.kind, axis.parameters, axis.constants, start)
+    given = controller, disturbance, memory, lengths
+    t, x, u = _closed_loop(axis, check_reference(x_ref), dt, start, *given)
+    require_physical(axis.kind, axis.parameters, t, x, u)
+    return _trajectory(axis, t, x, u)
+
+
+def run_closed_loop(
+    axis: Axis,
+    x_ref: FloatArray,
+    dt: float,
+    x_0: FloatArray,
+    controller: Controller | None = None,
+    disturbance: ArrayLike | None = None,
+    memory: ArrayLike | None = None,
+    lengths: FloatArray | None = None,
+) -> Trajectory:
+    """Simulate as `simulate_closed_loop` does, wherever the axis goes; see `run_open_loop`."""
+    start = full_state(axis, x_0, axis.inputs_at_rest)
+    given = controller, disturbance, memory, lengths
+    return _trajectory(axis, *_closed_loop(axis, x_ref, dt, start, *given))
+
+
+def _closed_loop(
+    axis: Axis,
+    reference: FloatArray,
+    dt: float,
+    start: FloatArray,
+    controller: Controller | None,
+    disturbance: ArrayLike | None,
+    memory: ArrayLike | None,
+    lengths: FloatArray | None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return time, states and inputs of the loop."""
+    N, commands = reference.size, len(axis.kind.commands)
+    check_clock(dt, lengths, N)
     added = np.tile(axis.inputs_at_rest, (N, 1))
-    given = np.zeros(N) if disturbance is None else np.asarray(disturbance, dtype=float)
-    if given.size == N:
-        added[:, : len(axis.kind.commands)] = given.reshape(N, 1)
-    else:
-        added = given.reshape(N, nu)
+    if disturbance is not None:
+        given = check_disturbance(axis.kind, disturbance, N)
+        added[:, : commands if given.shape[1] == 1 else None] = given
     law = controller or axis.bench.controller
     model = SampledAxis(axis, stepping_for(axis, dt, lengths=lengths), law)
     step = _closed_step(model)
-    start = full_state(axis, x_0, axis.inputs_at_rest)
     if memory is None:
         x, v = (start[axis.states.index(name)] for name in ("x", "v"))
         memory = ControlLaw(law, dt).rest(reference[0], x, v)
-    state = np.concatenate([start, np.asarray(memory, dtype=float)])
+    state = np.concatenate([start, check_memory(memory, model.n_memory)])
     rows = [reference[None], added.T, next_further(axis, added.T)]
     if lengths is not None:
         rows.append(np.append(lengths, 1.0)[None])
     streams = [np.vstack(rows)[None]]
     _, x, u = accumulate(step, state[:, None], streams, axis.parameters.values)
-    return _trajectory(axis, _instants(dt, N, lengths), x[0], u[0])
+    return _instants(dt, N, lengths), x[0], u[0]
 
 
 def _closed_step(model: SampledAxis) -> ca.Function:
@@ -236,11 +313,11 @@ def _closed_step(model: SampledAxis) -> ca.Function:
 def full_state(axis: Axis, x_0: ArrayLike, u_0: FloatArray) -> FloatArray:
     """Return an initial state of all states; effects at rest where only nominal ones are given."""
     start = np.asarray(x_0, dtype=float)
-    if start.size == len(axis.states):
+    if start.shape == (len(axis.states),):
         return start
-    if start.size != len(axis.motion_states):
+    if start.shape != (len(axis.motion_states),):
         raise ModelError(
-            f"initial state of {start.size} values; the axis has {', '.join(axis.states)}"
+            f"x_0: shape {start.shape}, expected one value each of {', '.join(axis.states)}"
         )
     full = axis.rest(start, u_0, axis.parameters.values)
     return np.asarray(full, dtype=float).ravel()

@@ -16,8 +16,8 @@ from pneumo_casadi.model.sampled_axis import SampledAxis, added_inputs
 from pneumo_casadi.model.simulation import (
     Trajectory,
     compute_outputs,
-    simulate,
-    simulate_closed_loop,
+    run_closed_loop,
+    run_open_loop,
     simulate_windows,
 )
 from pneumo_casadi.model.stepping import ACCURATE, stepping_for
@@ -33,7 +33,7 @@ def free_run(axis: Axis, record: Recording) -> Trajectory:
     """Simulate a record's inputs in open loop, initial state estimated from its first 2 s."""
     start = _estimated_start(axis, record)
     u, lengths = record.stack(axis.inputs), sample_lengths(record, record.dt)
-    return simulate(axis, u, record.dt, start, record.hold, lengths)
+    return run_open_loop(axis, u, record.dt, start, record.hold, lengths)
 
 
 def _estimated_start(axis: Axis, record: Recording) -> FloatArray:
@@ -54,7 +54,7 @@ def loop_run(axis: Axis, record: Recording, estimated: bool = False) -> Trajecto
     else:
         x_0 = measured_states(axis, record, axis.parameters)[:, 0]
     model = SampledAxis(axis, stepping_for(axis, record.dt), axis.bench.controller)
-    return simulate_closed_loop(
+    return run_closed_loop(
         axis,
         record["x_ref"],
         record.dt,

@@ -107,7 +107,7 @@ class Validation(Presentable):
 
 def validate(
     axis: Axis,
-    records: Sequence[Recording],
+    records: Recording | Sequence[Recording],
     windows: Sequence[float] = (0.1, 0.5, 2.0),
     progress: Progress | None = None,
 ) -> Validation:
@@ -117,7 +117,7 @@ def validate(
     ----------
     axis : Axis
         With estimated parameters; none of them is changed here.
-    records : sequence of Recording
+    records : Recording or sequence of Recording
         Records that were not used in the fit, for an honest figure.
     windows : sequence of float
         Lengths of the windows [s]; those longer than a record are left out.
@@ -145,6 +145,7 @@ def validate(
     >>> validation.open_loop["x"].unit, validation.open_loop["x"].rms < 1e-3
     ('m', True)
     """
+    records = (records,) if isinstance(records, Recording) else tuple(records)
     if not records:
         raise ModelError("validation: no record; a fit is not validated on its own data")
     report = progress or no_progress

@@ -288,7 +288,8 @@ def _check_range(p_range: tuple[float, float]) -> None:
 
 def check_degrees(degrees: Degrees) -> None:
     """Raise a `ModelError` unless `degrees` are three whole numbers from -1 to 20."""
-    if len(degrees) != 3 or any(d != int(d) or not -1 <= d <= 20 for d in degrees):
+    whole = np.ndim(degrees) == 1 and all(d in range(-1, 21) for d in degrees)
+    if not whole or len(degrees) != 3:
         raise ModelError(
             f"degrees {degrees}: expected three whole numbers from 0 to 20 (-1 leaves one out), "
             "of φ, ψ(u > 0) and ψ(u < 0)"

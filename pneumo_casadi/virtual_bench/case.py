@@ -111,7 +111,7 @@ def make_case(
     Raises
     ------
     CaseError
-        If the folder is not empty, or duration and frequency make no record.
+        If the folder is not empty, duration and frequency make no record, or the seed is negative.
     ModelError
         If an effect, severity or quantity is unknown.
 
@@ -129,6 +129,8 @@ def make_case(
             f"{folder}: no record: {duration:g} s at {fs:g} Hz is less than 2 rows; give a longer "
             "duration"
         )
+    if not (isinstance(seed, int | np.integer) and seed >= 0):
+        raise CaseError(f"{folder}: seed {seed}; give a whole number from 0 on")
     check_new(folder)
     axis = laboratory.equip(axis or random_axis(seed))
     hidden = effects_for(axis, effects, seed)

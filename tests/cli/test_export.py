@@ -59,6 +59,7 @@ def test_an_operating_point_can_be_named(result, tmp_path):
         (["-f", "ss", "--at", "v"], "--at v: expected NAME=VALUE in SI units, as x=0.1"),
         (["-f", "ss", "--at", "v=fast"], "--at v=fast"),
         (["-f", "ss", "--at", "w=1"], "no state or input w"),
+        (["-f", "ss", "--at", "x=0.9"], "x = 0.9 m lies outside the stroke"),
         (["-f", "c", "--at", "v=1"], "--at applies to --format ss only"),
         (["-f", "simulink"], "--help"),
     ],

@@ -61,15 +61,25 @@ def test_what_is_no_number_is_refused(bench, value):
         ("p_ext_Pa", "p_ext_bar", "missing key `p_ext_Pa`; there stands `p_ext_bar`"),
         ('"T_K"', '"colour": "red", "T_K"', "unknown key `colour`; known are"),
         ('"T_K"', '"T_K": 290.0, "T_K"', "bench.json: key `T_K` stands twice; keep one"),
-        ("700000.0", "6.0", "`p_supply`: expected absolute Pa .* got 6; is it in bar"),
+        ("700000.0", "6.0", "`p_supply_Pa`: expected absolute Pa .* got 6; is it in bar"),
         ("700000.0", "NaN", "`p_supply_Pa`: expected a finite number"),
         ('"u_max_V": 5.0', '"u_max": 5.0', "missing key `controller.u_max_V`; there stands"),
-        ('"u_max_V": 5.0', '"u_max_V": -5.0', "`controller.u_max`: expected a positive limit in V"),
+        (
+            '"u_max_V": 5.0',
+            '"u_max_V": -5.0',
+            "`controller.u_max_V`: expected a positive limit in V",
+        ),
         ("proportional", "fuzzy", "`controller.type`: got 'fuzzy'; write 'proportional' or "),
         ("M_kg", "M_lb", "`datasheet.M_lb`: the name must end in its SI unit"),
         ('{"M_kg": 17.0}', "17.0", "`datasheet`: expected a JSON object, got 17.0"),
-        ('"p_Pa": 150.0', '"p_Pa": -1', "`noise.p`: expected Pa between 0"),
-        ('"x_m": 1.5e-05', '"x_m": 0.015', r"`noise.x`: expected m .* got 0\.015; is it in mm"),
+        ('"p_Pa": 150.0', '"p_Pa": -1', "`sensor_noise.p_Pa`: expected Pa between 0"),
+        ('"p_Pa": 150.0', '"p_Pa": 0', "`sensor_noise.p_Pa`: 0 Pa; no sensor is exact"),
+        ('"x_m": 1.5e-05', '"x_m": 0', "`sensor_noise.x_m`: 0 m; no sensor is exact"),
+        (
+            '"x_m": 1.5e-05',
+            '"x_m": 0.015',
+            r"`sensor_noise.x_m`: expected m .* got 0\.015; is it in mm",
+        ),
         ("}\n}", "}", "line 13: .*cut short or no JSON"),
     ],
 )
@@ -168,9 +178,42 @@ def test_what_laboratories_have_is_read_and_written_back(bench, fields):
     assert bench_from_content(bench_content(read)) == read != bench
 
 
+MISSING = "`valve.C_fill_m3_per_s_Pa`, `valve.C_exhaust_m3_per_s_Pa`, `valve.u_full_V` for a"
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"T_K": "293"}, r"`T_K`: expected a number in K, got '293'"),
+        ({"area_accuracy_percent": 0}, r"`area_accuracy_percent`: expected % between 0.01 and 50"),
+        (
+            {"valve": {"source": "metered", "accuracy_percent": 200}},
+            r"`valve.accuracy_percent`: expected % between 0 and 100, got 200; check",
+        ),
+        (
+            {"valve": {name: {"source": "metered", "accuracy_percent": -2} for name in "PN"}},
+            r"`valve.P.accuracy_percent`: expected % between 0 and 100, got -2; check",
+        ),
+        (
+            {"valve": {"source": "metered", "u_full_V": 1e6}},
+            r"`valve.u_full_V`: expected V between",
+        ),
+        ({"load": {"angle_deg": 100}}, r"`load.angle_deg`: expected ° between"),
+        ({"load": {"force_N": "9"}}, r"`load.force_N`: expected a number in N"),
+        (
+            {"controller": {"type": "pid", "k_p_V_per_m": "2", "u_max_V": 5}},
+            r"`controller.k_p_V_per_m`: expected a number in V/m",
+        ),
+    ],
+)
+def test_a_value_that_cannot_be_is_named_by_its_key_in_its_unit(bench, fields, message):
+    with pytest.raises(CaseError, match=message):
+        bench_from_content(bench_content(bench) | fields)
+
+
 def test_a_valve_without_conductances_is_no_data_sheet(bench):
     content = bench_content(bench) | {"valve": {"source": "data sheet", "b": 0.3}}
-    with pytest.raises(CaseError, match="no C_fill, C_exhaust, u_full for a data sheet"):
+    with pytest.raises(CaseError, match=MISSING):
         bench_from_content(content)
 
 

@@ -34,6 +34,16 @@ def test_exact_time_gives_the_sample_time_exactly(rate, rows, start):
     assert sample_time(t, row) == pytest.approx(1 / rate, rel=1e-8)
 
 
+@pytest.mark.parametrize("rows", [7, 777, 8000])
+def test_a_record_that_starts_at_zero_starts_at_zero_and_is_named_so(rows):
+    t = np.arange(rows) * 1e-3
+    record = Recording(t, {"x": t}, "ramp", "memory", InputHold.ZERO)
+    assert str(record.t[0]) == "0.0"
+    assert record.window(record.t[0], 1.0).name == "ramp[0:1 s]"
+    moved = Recording(t - t[3], {"x": t}, "ramp", "memory", InputHold.ZERO)
+    assert str(moved.t[3]) == "0.0"
+
+
 @given(rates, lengths, st.data())
 def test_a_clock_that_jumps_is_named_with_its_row_and_the_samples_lost(rate, rows, data):
     k = data.draw(st.integers(1, rows - 1))

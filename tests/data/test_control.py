@@ -200,14 +200,20 @@ def test_a_controller_survives_the_file_and_pickling(bench, controller):
 @pytest.mark.parametrize(
     ("section", "message"),
     [
-        ({"k_p_V_per_m": 0}, "`controller.k_p`: 0 V/m closes no loop"),
-        ({"u_min_V": 6}, "`controller.u_min`: 6 V is not below u_max = 5 V"),
+        ({"k_p_V_per_m": 0}, "`controller.k_p_V_per_m`: 0 V/m closes no loop"),
+        ({"u_min_V": 6}, "`controller.u_min_V`: 6 V is not below u_max = 5 V"),
         ({"anti_windup": "yes"}, "`controller.anti_windup`: got 'yes'; write 'none' or"),
-        ({"anti_windup": "back-calculation"}, "tracking_time`: back-calculation needs it"),
+        (
+            {"anti_windup": "back-calculation"},
+            "`controller.tracking_time_s`: back-calculation needs it",
+        ),
         ({"tracking_time_s": 0.1}, "other kinds of anti-windup do not use it"),
-        ({"sample_time_s": 0.0015}, r"0\.0015 s is no whole multiple of the record's step"),
-        ({"sample_time_s": -1}, "`controller.sample_time`: expected at least 1e-06 s"),
-        ({"derivative_filter_s": -1}, "`controller.derivative_filter`: expected at least 0 s"),
+        (
+            {"sample_time_s": 0.0015},
+            r"`controller.sample_time_s`: 0\.0015 s is no whole multiple of the record's step",
+        ),
+        ({"sample_time_s": -1}, "`controller.sample_time_s`: expected at least 1e-06 s"),
+        ({"derivative_filter_s": -1}, "`controller.derivative_filter_s`: expected at least 0 s"),
         ({"k_i": 1}, "unknown key `controller.k_i`; known are .*k_i_V_per_m_s"),
     ],
 )

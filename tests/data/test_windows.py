@@ -124,6 +124,9 @@ def test_a_recording_survives_pickling():
         (lambda rec: rec.split(), "a number of parts or by a duration"),
         (lambda rec: rec.split(duration=0.001), "less than two rows"),
         (lambda rec: rec.decimate(0), "cannot keep every 0-th of 50 rows"),
+        (lambda rec: rec.decimate(2.5, ()), "every 2.5-th of 50 rows; give a whole number from 1"),
+        (lambda rec: rec.window(np.nan, 2), "ramp: a window at nan s; give times on its clock"),
+        (lambda rec: rec.aligned({"u": 0.5}), "`u` by 0.5 rows; shift by whole rows"),
         (lambda rec: rec.shifted("u", 49), "50 rows are too few for shifts"),
         (lambda rec: rec.with_channels({"z": [1.0]}), r"`z` has shape \(1,\), expected \(50,\)"),
         (lambda rec: Recording([0, 1], {}, "a", "m", "zero"), "state InputHold.ZERO or .LINEAR"),
@@ -133,6 +136,10 @@ def test_a_recording_survives_pickling():
 def test_what_cannot_be_cut_says_why(ask, message):
     with pytest.raises(CaseError, match=message):
         ask(ramp(50))
+
+
+def test_a_window_without_end_goes_to_the_end_of_the_record():
+    assert ramp(50).window(0.4, np.inf).N == 10
 
 
 def test_a_copy_without_some_channels_keeps_the_rest():

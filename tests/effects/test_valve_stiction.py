@@ -42,7 +42,7 @@ def axis(made):
 @pytest.fixture(scope="module")
 def run(axis):
     t = np.arange(3000) * DT
-    u = 0.8 * np.sin(2 * np.pi * (0.7 + 0.4 * t) * t) + 0.02 * np.sin(900 * t)
+    u = 0.8 * np.sin(2 * np.pi * (2.5 + 0.4 * t) * t) + 0.02 * np.sin(900 * t)
     start = axis.rest([4e5, 4.5e5, 0.0, 0.0], [u[0], -u[0]], axis.parameters.values)
     return simulate(axis, np.column_stack([u, -u]), DT, start.full().ravel())
 

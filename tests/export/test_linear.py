@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pneumo_casadi.data import Arrangement, PressureBench
+from pneumo_casadi.data import Arrangement, NoController, PressureBench
 from pneumo_casadi.errors import MissingExtraError, ModelError
 from pneumo_casadi.export import linearise, operating_point, write_state_space
 from pneumo_casadi.export.linear import OperatingPoint
@@ -77,11 +77,37 @@ def test_a_measured_supply_stays_as_the_bench_has_it(made):
         ({"pressure": 1e5}, "no state or input pressure; there are p_P, p_N, x, v"),
         ({"x": np.nan}, "finite"),
         ({"p_P": 6.9e5, "p_N": 1.1e5, "v": 0.0}, "no operating point .*the rate of v"),
+        ({"x": 0.9}, r"x = 0.9 m lies outside the stroke, -0.25 to 0.25 m; give"),
+        ({"x": -0.9}, r"x = -0.9 m lies outside the stroke"),
+        ({"u_P": 1000.0}, r"u_P = 1000 V lies outside `controller.u_max`, -3 to 3 V"),
+        ({"v": 500.0}, r"operating point"),
+        ({"p_P": 4.0, "v": 0.1}, r"operating point"),
+        (
+            {"p_P": 4.0, "p_N": 5.0, "x": 0, "v": 0, "u_P": 0, "u_N": 0},
+            r"operating point: p_P = 4 Pa, far below the ambient pressure",
+        ),
     ],
 )
 def test_a_point_that_cannot_be_is_told(models, given, message):
     with pytest.raises(ModelError, match=message):
         operating_point(models["nominal"].axis, given)
+
+
+def test_commands_that_no_controller_limits_end_with_the_map(models):
+    axis = models["nominal"].axis
+    free = replace(axis, bench=replace(axis.bench, controller=NoController()))
+    lower, upper = axis.flow.u_range
+    limits = rf"u_P = 11 V lies outside the flow map, {lower:g} to {upper:g} V"
+    with pytest.raises(ModelError, match=limits):
+        operating_point(free, {"u_P": 11.0})
+
+
+def test_a_point_that_cannot_be_is_not_linearised(models):
+    axis = models["nominal"].axis
+    point = operating_point(axis)
+    beyond = OperatingPoint(np.where(np.arange(4) == 2, 0.9, point.x), point.u)
+    with pytest.raises(ModelError, match=r"x = 0.9 m lies outside the stroke"):
+        linearise(axis, beyond)
 
 
 def test_the_matrices_are_those_of_finite_differences(model):

@@ -87,7 +87,7 @@ def test_an_effect_of_ones_own_is_refused_with_the_way_out(made):
     ("change", "message"),
     [
         (lambda c: c.pop("bench"), r"missing key `model\.bench`"),
-        (lambda c: c["bench"].update(stroke_m=250.0), "`stroke`: expected m between"),
+        (lambda c: c["bench"].update(stroke_m=250.0), "`stroke_m`: expected m between"),
         (lambda c: c["parameters"].pop("M"), "do not match the axis: M"),
         (
             lambda c: c["parameters"]["M"].update(value="heavy"),

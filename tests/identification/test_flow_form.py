@@ -130,3 +130,9 @@ def test_the_report_shows_the_errors_and_the_reason():
 def test_degrees_without_polynomials_are_refused(case, form):
     with pytest.raises(CaseError, match=f"{form.value} has none"):
         resolve_flow_form(case, IdentifyOptions(form, degrees=(3, 3, 2)))
+
+
+def test_degrees_that_the_map_does_not_bear_are_refused_not_left_out(case):
+    too_high = IdentifyOptions(degrees=(20, 20, 20))
+    with pytest.raises(CaseError, match=r"degrees \(20, 20, 20\): .* lower the degree"):
+        resolve_flow_form(case, too_high)

@@ -128,6 +128,13 @@ def test_equal_seeds_give_equal_folders(tmp_path):
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
+@pytest.mark.parametrize("seed", [-1, 1.5, "1"])
+def test_a_seed_that_is_no_natural_number_is_refused(tmp_path, seed):
+    with pytest.raises(CaseError, match=f"seed {seed}; give a whole number from 0 on"):
+        make_case(tmp_path / "case", seed)
+    assert not (tmp_path / "case").exists()
+
+
 def test_a_case_needs_a_record(tmp_path):
     with pytest.raises(CaseError, match="no record"):
         make_case(tmp_path / "a", 5, duration=0.0)

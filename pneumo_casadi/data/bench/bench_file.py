@@ -7,6 +7,7 @@ from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC, PRESSURE
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_checks import AREA_ACCURACY
 from pneumo_casadi.data.bench.bench_sections import (
+    NOISE_KEYS,
     NONE,
     controller_content,
     noise_content,
@@ -17,8 +18,9 @@ from pneumo_casadi.data.bench.bench_sections import (
     valves_content,
 )
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
-from pneumo_casadi.data.bench.file_keys import choice, percent, section
+from pneumo_casadi.data.bench.file_keys import choice, named_by_keys, percent, section
 from pneumo_casadi.data.bench.load import Load
+from pneumo_casadi.data.bench.quantities import SHARE
 from pneumo_casadi.data.bench.valve_source import Arrangement, Valves
 from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.errors import CaseError
@@ -129,6 +131,10 @@ def bench_from_content(content: dict[str, Any]) -> AnyBench:
             choice("arrangement", content["arrangement"], list(Arrangement))
         )
     if "area_accuracy_percent" in content:
-        values["area_accuracy"] = percent("area_accuracy_percent", content["area_accuracy_percent"])
-    bench: AnyBench = bench_class(**values)
+        stated = content["area_accuracy_percent"]
+        values["area_accuracy"] = percent("area_accuracy_percent", stated, SHARE)
+    of_parts = {f"sensor_noise.{key}": f"noise.{name}" for key, name in NOISE_KEYS.items()}
+    of_parts["controller.sample_time_s"] = "controller.sample_time"
+    with named_by_keys({**keys, **of_parts}):
+        bench: AnyBench = bench_class(**values)
     return bench

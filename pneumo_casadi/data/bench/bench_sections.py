@@ -10,11 +10,11 @@ from pneumo_casadi.data.bench.controllers import (
     NoController,
     ProportionalController,
 )
-from pneumo_casadi.data.bench.file_keys import choice, percent, section
+from pneumo_casadi.data.bench.file_keys import choice, named_by_keys, percent, section
 from pneumo_casadi.data.bench.load import Load
 from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidController
 from pneumo_casadi.data.bench.sensor_noise import SensorNoise
-from pneumo_casadi.data.bench.valve_source import FlowSource, ValveData, Valves
+from pneumo_casadi.data.bench.valve_source import ACCURACY, FlowSource, ValveData, Valves
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.json_input import check_keys
 
@@ -88,7 +88,8 @@ def read_controller(content: dict[str, Any]) -> Controller:
     except CaseError as error:
         raise CaseError(f"{error}; {OTHER_LAW}") from None
     keys = {**needed, **{key: name for key, name in optional.items() if key in content}}
-    controller: Controller = make(**{name: content[key] for key, name in keys.items()})
+    with named_by_keys({**needed, **optional}, "controller.", "controller."):
+        controller: Controller = make(**{name: content[key] for key, name in keys.items()})
     return controller
 
 
@@ -115,7 +116,8 @@ def read_noise(content: dict[str, Any]) -> SensorNoise:
     """Return the noise that a section describes."""
     check_keys("sensor_noise", content, {"x_m"}, set(NOISE_KEYS) - {"x_m"})
     values = {name: content[key] for key, name in NOISE_KEYS.items() if key in content}
-    return SensorNoise(**({"p": 0.0} | values))
+    with named_by_keys(NOISE_KEYS, "sensor_noise.", "noise."):
+        return SensorNoise(**({"p": 0.0} | values))
 
 
 def noise_content(noise: SensorNoise) -> dict[str, float]:
@@ -127,7 +129,8 @@ def noise_content(noise: SensorNoise) -> dict[str, float]:
 def read_load(content: dict[str, Any]) -> Load:
     """Return the load that a section describes."""
     check_keys("load", content, (), LOAD_KEYS)
-    return Load(**{name: content[key] for key, name in LOAD_KEYS.items() if key in content})
+    with named_by_keys(LOAD_KEYS, "load.", "load."):
+        return Load(**{name: content[key] for key, name in LOAD_KEYS.items() if key in content})
 
 
 def read_valves(content: dict[str, Any]) -> Valves:
@@ -144,9 +147,12 @@ def _valve(where: str, content: dict[str, Any]) -> ValveData:
     check_keys(where, content, {"source"}, {"accuracy_percent", *VALVE_KEYS})
     values = {name: content[key] for key, name in VALVE_KEYS.items() if key in content}
     if "accuracy_percent" in content:
-        values["accuracy"] = percent(f"{where}.accuracy_percent", content["accuracy_percent"])
+        name = f"{where}.accuracy_percent"
+        values["accuracy"] = percent(name, content["accuracy_percent"], ACCURACY)
     source = choice(f"{where}.source", content["source"], list(FlowSource))
-    return ValveData(FlowSource(source), **values)
+    keys = {**VALVE_KEYS, "accuracy_percent": "accuracy_percent"}
+    with named_by_keys(keys, f"{where}.", "valve."):
+        return ValveData(FlowSource(source), **values)
 
 
 def valves_content(valves: Valves) -> dict[str, Any]:

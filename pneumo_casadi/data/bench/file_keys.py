@@ -1,9 +1,10 @@
 """Keys and values of a JSON section: named in messages, checked, never guessed."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
-from pneumo_casadi.data.bench.quantities import as_number
+from pneumo_casadi.data.bench.quantities import Quantity
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.input_files import shown
 
@@ -23,6 +24,26 @@ def choice(name: str, value: Any, known: Collection[str]) -> str:
     return value
 
 
-def percent(name: str, value: Any) -> float:
-    """Return a number of per cent as a share of 1."""
-    return as_number(name, value, "%") / 100
+def percent(name: str, value: Any, share: Quantity) -> float:
+    """Return a number of per cent as a share of 1, checked in per cent."""
+    return Quantity("%", 100 * share.lower, 100 * share.upper).check(name, value) / 100
+
+
+@contextmanager
+def named_by_keys(keys: Mapping[str, str], before: str = "", of: str = "") -> Iterator[None]:
+    """Let errors name the keys of a file instead of the attributes that the values become.
+
+    Parameters
+    ----------
+    keys : mapping of str to str
+        Key of the file -> attribute.
+    before, of : str
+        What stands before each key, and before each attribute, as ``"controller."``.
+    """
+    try:
+        yield
+    except CaseError as error:
+        text = str(error)
+        for key, name in keys.items():
+            text = text.replace(f"`{of}{name}`", f"`{before}{key}`")
+        raise CaseError(text) from None

@@ -32,8 +32,9 @@ class Arrangement(StrEnum):
     """One five-way valve: chamber P gets the command u, chamber N gets -u."""
 
 
+ACCURACY = quantities.Quantity("a share of 1", 0.0, 1.0, {"%": (1e-2, 0.0)})
 _QUANTITIES = {
-    "accuracy": quantities.Quantity("a share of 1", 0.0, 1.0, {"%": (1e-2, 0.0)}),
+    "accuracy": ACCURACY,
     "C_fill": quantities.CONDUCTANCE,
     "C_exhaust": quantities.CONDUCTANCE,
     "b": quantities.Quantity("1", 0.0, 0.95),
@@ -105,8 +106,9 @@ class ValveData:
         if self.source is FlowSource.DATA_SHEET:
             missing = [n for n in ("C_fill", "C_exhaust", "u_full") if getattr(self, n) is None]
             if missing:
+                names = ", ".join(f"`valve.{name}`" for name in missing)
                 raise CaseError(
-                    f"`valve`: no {', '.join(missing)} for a data sheet; give the sonic "
+                    f"`valve`: no {names} for a data sheet; give the sonic "
                     "conductances and the command at which they hold, or source 'none'"
                 )
             if self.accuracy is None:

@@ -55,7 +55,7 @@ def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) 
         for channel in ("p_P", "p_N", "p_supply"):
             if channel in recording:
                 _check_pressure(recording, channel, bench, entries)
-        limit = _largest_command(bench.controller)
+        limit = largest_command(bench.controller)
         if limit is not None:
             _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3}, entries)
     else:
@@ -68,7 +68,7 @@ def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) 
             _check_symmetric(recording, ("F",), limit, "N", {"kN": 1e3}, entries)
 
 
-def _largest_command(controller: Controller) -> float | None:
+def largest_command(controller: Controller) -> float | None:
     """Return how far a controller can drive a valve [V]; None where that is not known."""
     if isinstance(controller, ProportionalController | PidController | CascadeController):
         return max(map(abs, controller.limits)) + abs(controller.u_0)

@@ -202,9 +202,17 @@ def _slope(t: FloatArray) -> float:
 
 
 def uniform(t: FloatArray, dt: float) -> FloatArray:
-    """Return the uniform clock of sample time `dt` [s] that lies closest to the stamps `t`."""
+    """Return the uniform clock of sample time `dt` [s] that lies closest to the stamps `t`.
+
+    Examples
+    --------
+    >>> float(uniform(np.arange(7) * 0.1, 0.1)[0])
+    0.0
+    """
     middle = (t.size - 1) / 2
     stamps: FloatArray = t.mean() + dt * (np.arange(t.size) - middle)
+    # Zero within the rounding of the mean is zero: it is printed, and names windows.
+    stamps[np.abs(stamps) < 1e-9 * dt] = 0.0
     return stamps
 
 

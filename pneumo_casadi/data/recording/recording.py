@@ -212,7 +212,7 @@ class Recording(Presentable):
         Raises
         ------
         CaseError
-            If fewer than two rows fall into it.
+            If fewer than two rows fall into it, or an end is not a number.
         """
         first, last = (self._row(time) for time in (start, end))
         return self._rows(first, last, f"{self.name}[{start:g}:{end:g} s]")
@@ -266,9 +266,18 @@ class Recording(Presentable):
         average : iterable of str, optional
             Channels (inputs held at zero order) to replace by their mean over the n rows from
             the one kept on, so that the longer hold carries the same integral.
+
+        Raises
+        ------
+        CaseError
+            If `n` is not a whole number of rows that leaves two.
         """
-        if not 1 <= n < self.N:
-            raise CaseError(f"{self.name}: cannot keep every {n}-th of {self.N} rows")
+        if n not in range(1, self.N):
+            raise CaseError(
+                f"{self.name}: cannot keep every {n}-th of {self.N} rows; give a whole number from "
+                f"1 to {self.N - 1}"
+            )
+        n = int(n)
         channels = dict(self.channels)
         starts = np.arange(0, self.N, n)
         for name in average:
@@ -298,6 +307,11 @@ class Recording(Presentable):
             Shorter by the spread of the delays. Where the clock is taken as recorded and has gaps,
             every stretch between them is: no row takes values from beyond a gap.
 
+        Raises
+        ------
+        CaseError
+            If there is no such channel, a delay is no whole number, or less than two rows are left.
+
         Examples
         --------
         >>> rec = Recording([0.0, 1.0, 2.0, 3.0], {"u": [0, 1, 2, 3], "y": [9, 0, 1, 2]}, "a",
@@ -305,8 +319,10 @@ class Recording(Presentable):
         >>> rec["u"], rec["y"]
         (array([0., 1., 2.]), array([0., 1., 2.]))
         """
-        for channel in late:
+        for channel, shift in late.items():
             _ = self[channel]
+            if not isinstance(shift, int | np.integer):
+                raise CaseError(f"{self.name}: `{channel}` by {shift} rows; shift by whole rows")
         recorded = self.clock is Clock.AS_RECORDED
         stretches = split_rows(self.t) if recorded else [slice(0, self.N)]
         rows = rows_with_all(late, stretches)
@@ -319,11 +335,13 @@ class Recording(Presentable):
         return self._taken(slice(rows[0], rows[-1] + 1) if whole else rows, channels, self.name)
 
     def _row(self, time: float) -> int:
+        if np.isnan(time):
+            raise CaseError(f"{self.name}: a window at {time} s; give times on its clock")
         # Times fall on rows only up to rounding: a millionth of a step early still counts.
         if self.clock is Clock.AS_RECORDED:
             return int(np.searchsorted(self.t, time - 1e-6 * self.dt))
-        row = int(np.ceil((time - self.t[0]) / self.dt - 1e-6))
-        return min(max(row, 0), self.N)
+        row = np.ceil((time - self.t[0]) / self.dt - 1e-6)
+        return int(min(max(row, 0), self.N))
 
     def _rows(self, first: int, last: int, name: str) -> "Recording":
         if last - first < 2:

@@ -147,6 +147,22 @@ def _long_stretches(
     return [record for record in records if record not in short], tuple(notes)
 
 
+def check_catalogue(catalogue: object) -> None:
+    """Refuse a catalogue that is not of effects by name.
+
+    Raises
+    ------
+    ModelError
+        Naming what was given.
+    """
+    example = 'give classes of effects by name, as {"stribeck": pc.EFFECTS["stribeck"]}'
+    if not isinstance(catalogue, Mapping):
+        raise ModelError(f"catalogue: {catalogue!r}; {example}")
+    for name, effect in catalogue.items():
+        if not callable(effect):
+            raise ModelError(f"catalogue: {name} is {effect!r}; {example}")
+
+
 def applicable(study: Study, catalogue: Mapping[str, EffectFactory]) -> dict[str, EffectFactory]:
     """Return the effects of a catalogue that an axis can have, as its metered valve shows them."""
     chosen = {}

@@ -24,7 +24,7 @@ PACE_OVER = 3
 
 def fit_equation_error(
     axis: Axis,
-    records: Sequence[Recording | SmoothedMotion],
+    records: Recording | SmoothedMotion | Sequence[Recording | SmoothedMotion],
     flow_map: AnyFlowMap | Anchor | None = None,
     *,
     residual_floor: FloatArray | None = None,
@@ -58,7 +58,7 @@ def fit_equation_error(
         Its parameters give the starting values and what is free. Rows slower than 2 mm/s are left
         out of the force balance; at the other rows the smoothed sign tanh(v/v_s) is -1 or 1 within
         4 % for a width ``v_s`` of 1 mm/s.
-    records : sequence of Recording or SmoothedMotion
+    records : Recording, SmoothedMotion or sequence of them
         Fitted together.
     flow_map : FlowMap or Anchor, optional
         Measured map, or its residuals; needed where the flow coefficients are free.
@@ -106,6 +106,8 @@ def fit_equation_error(
     >>> result.converged, round(result.parameters["M"].value, 1)
     (True, 18.0)
     """
+    if isinstance(records, Recording | SmoothedMotion):
+        records = (records,)
     if not records:
         raise ModelError("no record to fit")
     if not axis.parameters.free_names:

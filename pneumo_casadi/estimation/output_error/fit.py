@@ -17,7 +17,7 @@ from pneumo_casadi.valve import AnyFlowMap
 @one_thread
 def fit_output_error(
     axis: Axis,
-    records: Sequence[Recording],
+    records: Recording | Sequence[Recording],
     flow_map: AnyFlowMap | None = None,
     options: OutputErrorOptions | None = None,
     progress: Progress | None = None,
@@ -33,7 +33,7 @@ def fit_output_error(
     ----------
     axis : Axis
         Its parameters give the starting values (from WLS, say) and what is free.
-    records : sequence of Recording
+    records : Recording or sequence of Recording
         Fitted together; each has its own initial state.
     flow_map : FlowMap, optional
         Measured map; needed where flow coefficients are free.
@@ -67,6 +67,7 @@ def fit_output_error(
     """
     options = options or OutputErrorOptions()
     report = progress or no_progress
+    records = (records,) if isinstance(records, Recording) else tuple(records)
     if not records:
         raise ModelError("no record to fit")
     if are_long(axis, records, options):

@@ -171,7 +171,7 @@ def choose_flow_form(
     Raises
     ------
     CaseError
-        If no form can be fitted to the map.
+        If no form can be fitted to the map, or no polynomials of the `degrees` given.
 
     Notes
     -----
@@ -220,6 +220,8 @@ def choose_flow_form(
                 ]
             )
         except PneumoError as error:
+            if form is FlowForm.POLYNOMIALS and degrees is not None:
+                raise CaseError(f"degrees {degrees}: {error}") from None
             compared[form] = FormError(form, shown, failure=str(error))
             continue
         compared[form] = _summarised(form, shown, squares[form], table.q_max)

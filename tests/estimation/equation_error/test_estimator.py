@@ -90,6 +90,12 @@ def test_the_representation_is_one_line_with_the_main_figures(force):
     assert text.startswith("EquationErrorResult(converged, 4 parameters, ") and len(text) < 100
 
 
+def test_one_record_need_not_stand_in_a_list(force):
+    axis, record = force
+    alone, listed = fit_equation_error(axis, record), fit_equation_error(axis, [record])
+    assert alone.axis.parameters.as_dict() == listed.axis.parameters.as_dict()
+
+
 def test_nothing_to_fit_is_an_error(force):
     axis, record = force
     with pytest.raises(ModelError, match="no record"):

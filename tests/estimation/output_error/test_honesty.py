@@ -54,6 +54,13 @@ def test_without_the_refusal_the_gauge_would_be_an_uninformed_direction(
     assert np.isinf(loose) or loose > 100 * tight
 
 
+def test_one_record_need_not_stand_in_a_list(made, start, short):
+    table, begin = start(0)
+    held = begin.with_parameters(begin.parameters.fix_all())
+    with pytest.raises(ModelError, match="no parameter is free"):  # and not: no channel `0`
+        fit_output_error(held, short, table, options(made))
+
+
 def test_records_that_do_not_fit_together_are_refused(made, start, short):
     table, begin = start(0)
     with pytest.raises(ModelError, match="differ in sampling frequency"):

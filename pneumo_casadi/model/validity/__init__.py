@@ -1,0 +1,1 @@
+"""What a simulation accepts: arguments that fit together, states of a gas and a piston."""
