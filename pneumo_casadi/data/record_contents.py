@@ -8,9 +8,9 @@ import numpy as np
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.checks.metered_flow import MeteredFlow
-from pneumo_casadi.data.checks.sensors import noise_of
 from pneumo_casadi.data.checks.smoothed import BlockMeans, block_means
 from pneumo_casadi.data.recording.recording import Recording
+from pneumo_casadi.data.recording.samples import noise_of
 from pneumo_casadi.parameters import FloatArray
 
 AT_REST = 0.005
