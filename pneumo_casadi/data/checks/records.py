@@ -20,7 +20,12 @@ from pneumo_casadi.data.checks.force_balance import (
     check_force_balance,
     check_measured_force,
 )
-from pneumo_casadi.data.checks.metered_flow import MeteredFlow, check_flow_map
+from pneumo_casadi.data.checks.metered_flow import (
+    ON_A_LINE,
+    USELESS,
+    MeteredFlow,
+    check_flow_map,
+)
 from pneumo_casadi.data.checks.motion_sensors import check_motion_sensors
 from pneumo_casadi.data.checks.ranges import check_ranges
 from pneumo_casadi.data.checks.sensors import check_sensors
@@ -110,20 +115,23 @@ def check_records(
         warnings, unless contradictions are findings: then they are the result.
     """
     recordings = tuple(recordings)
+    of_map = [finding for flow in _distinct(flows) for finding in check_flow_map(flow)]
+    for finding in of_map if refuse else ():
+        if finding.name == ON_A_LINE:
+            raise ContradictionError(finding)
+    if any(finding.name in USELESS for finding in of_map):
+        flows = _NO_FLOWS  # what a record has beside such a map is no mistake of the record
     by_record = [
         check_recording(recording, bench, flows, entries)
         if refuse
         else _check_willingly(recording, bench, flows, entries)
         for recording in recordings
     ]
-    whole = [
-        *_check_copies(recordings, bench),
-        *(finding for flow in _distinct(flows) for finding in check_flow_map(flow)),
-    ]
     findings = merge_findings(
         [
             *(_unless_doubtful(item, by_record) for findings in by_record for item in findings),
-            *whole,
+            *_check_copies(recordings, bench),
+            *of_map,
         ]
     )
     for finding in findings if refuse else ():
