@@ -15,6 +15,7 @@ from pneumo_casadi.data.readers.column_guess import (
     pressure_units,
     states_unit,
 )
+from pneumo_casadi.data.readers.recordings import WITHOUT_CLOCK
 from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.errors import CaseError
@@ -93,6 +94,7 @@ def _channels(
         raise CaseError(
             f"no column was recognised as {', '.join(missing)}; the file has {', '.join(columns)}; "
             f"name it, as --column '{missing[0]}={free[0]}'{two}"
+            + (WITHOUT_CLOCK if "t" in missing else "")
         )
     return channels
 

@@ -189,6 +189,12 @@ def test_a_channel_that_is_not_recognised_is_named_with_the_columns(log, tmp_pat
     assert columns["p_N_Pa"] == {"column": "channel7", "unit": "bar"}
 
 
+def test_a_log_without_time_says_how_to_add_it(log, tmp_path, capsys):
+    log.drop(columns="ms").to_csv(tmp_path / "log.csv", index=False)
+    assert cli.run(["init", str(tmp_path / "log.csv"), "-o", str(tmp_path / "a"), *CYLINDER]) == 2
+    assert "add a column t_s = row / sampling frequency" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
