@@ -27,7 +27,7 @@ from pneumo_casadi.data.checks.metered_flow import (
     check_flow_map,
 )
 from pneumo_casadi.data.checks.motion_sensors import check_motion_sensors
-from pneumo_casadi.data.checks.ranges import check_ranges
+from pneumo_casadi.data.checks.ranges import check_ranges, check_statements
 from pneumo_casadi.data.checks.sensors import check_sensors
 from pneumo_casadi.data.checks.smoothed import smoothed_record
 from pneumo_casadi.data.checks.supply import check_supply
@@ -129,6 +129,7 @@ def check_records(
     ]
     findings = merge_findings(
         [
+            *check_statements(bench, entries or ColumnEntries()),
             *(_unless_doubtful(item, by_record) for findings in by_record for item in findings),
             *_check_copies(recordings, bench),
             *of_map,
