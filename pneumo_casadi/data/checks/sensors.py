@@ -33,8 +33,8 @@ FEWEST_CLIPPED = 2  # once may be a rest
 CLIPPED_SHARE = 0.01  # of the rows, from which a fit follows the limit and not the axis
 CONTINUOUS = ("x", "p_P", "p_N")  # a mass and a chamber take many rows to get under way
 SPIKE_NOISE, SPIKE_STEPS = 100.0, 10.0
-"""Noise, and largest step around, that a single row exceeds. On 160 simulated records spikes reach 6
-sigma, on real ones (EMPS, seal friction) 77 sigma or 5 steps."""
+"""Noise, and largest step around, that a single row exceeds. On 160 simulated records spikes reach
+6 sigma, on real ones (EMPS, seal friction) 77 sigma or 5 steps."""
 JUMP, JUMP_OF_X = 10.0, 1.5
 """Product of the steps of all channels, each over the largest around it, and that of the position:
 on the records named above the product stays below 3.2. Pressures alone may jump."""
