@@ -1,14 +1,18 @@
 """The commands ``example``, ``init`` and ``check``: make a case, and see what it is worth."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pneumo_casadi.cli.options import CasePath, Debug, Json, Strict
 from pneumo_casadi.cli.terminal import NOT_USABLE, guarded, say
 from pneumo_casadi.errors import CaseError
+
+if TYPE_CHECKING:
+    from pneumo_casadi.data.readers.column_guess import ColumnGuess
 
 #: Option of the command line -> what it asks for; all of them are needed.
 QUESTIONS = {
@@ -141,8 +145,21 @@ def init(
             offset = f", {guess.offset:+g} [SI]" if guess.offset else ""
             sign = ", reversed" if guess.scale is not None and guess.scale < 0 else ""
             say(f"{guess.channel:9} from column {guess.column} [{guess.unit}]{sign}{offset}")
+        _ask_for_units(guesses)
         say(f"\nwritten: {output}/bench.json, {output}/columns.json")
         say(f"next: pneumo-casadi check {output}")
+
+
+def _ask_for_units(guesses: Sequence["ColumnGuess"]) -> None:
+    """Say which lengths may be in another unit as well, and how to state it."""
+    for guess in guesses:
+        if guess.doubts:
+            units = " or ".join(f"{unit} ({1e3 * travel:g} mm)" for unit, travel in guess.doubts)
+            say(
+                f"\nis {guess.column} in {units}? Its name does not say, and each travel fits the "
+                f"stroke; state it, as --column '{guess.channel}={guess.column}:"
+                f"{guess.doubts[1][0]}'"
+            )
 
 
 def _complete(given: dict[str, float | None]) -> dict[str, float]:

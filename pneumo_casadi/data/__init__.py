@@ -22,10 +22,10 @@ from pneumo_casadi.data.bench.valve_source import Arrangement, FlowSource, Valve
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import EXAMPLE, example_case, read_case, write_case
 from pneumo_casadi.data.checks.finding import Finding, Grade
-from pneumo_casadi.data.checks.records import check_recording, check_records
 from pneumo_casadi.data.emps import read_emps
 from pneumo_casadi.data.readers.columns import Column, column_map, read_columns
 from pneumo_casadi.data.readers.recordings import read_recording
+from pneumo_casadi.data.record_checks import check_recording, check_records
 from pneumo_casadi.data.recording.channels import UNITS, InputHold
 from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.data.recording.recording import Recording

@@ -16,13 +16,13 @@ from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench, is_me
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
 from pneumo_casadi.data.checks.metered_flow import metered_flows
-from pneumo_casadi.data.checks.records import check_records
 from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.data.emps import read_emps
 from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.readers.columns import COLUMNS_FILE, ColumnSpec, read_columns
 from pneumo_casadi.data.readers.recordings import read_stretches
 from pneumo_casadi.data.readers.tables import suffix_of
+from pneumo_casadi.data.record_checks import check_records
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.data.seal_friction import is_seal_friction, read_seal_friction

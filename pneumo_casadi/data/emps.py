@@ -12,10 +12,10 @@ import numpy as np
 from pneumo_casadi.data.bench.controllers import NestedController
 from pneumo_casadi.data.bench.driven_bench import ForceBench
 from pneumo_casadi.data.case import Case
-from pneumo_casadi.data.checks.records import check_records
 from pneumo_casadi.data.readers.columns import COLUMNS, Column
 from pneumo_casadi.data.readers.recordings import recording_of_table
 from pneumo_casadi.data.readers.tables import Table, read_table
+from pneumo_casadi.data.record_checks import check_records
 from pneumo_casadi.data.recording.channels import InputHold
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError

@@ -9,12 +9,15 @@ from pneumo_casadi.data.checks.ranges import WIDESPREAD
 from pneumo_casadi.data.cylinder import Cylinder
 from pneumo_casadi.data.readers.column_guess import (
     ColumnGuess,
+    counts_from_end,
+    doubtful_lengths,
     guess_channels,
     guess_unit,
     looks_gauge,
     pressure_units,
     states_unit,
 )
+from pneumo_casadi.data.readers.recordings import WITHOUT_CLOCK
 from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.errors import CaseError
@@ -61,11 +64,22 @@ def guess_columns(
         for channel, column in channels.items()
     }
     offsets = _offsets(signals, channels, cylinder)
+    doubts = {
+        channel: doubtful_lengths(columns[name], units[channel], cylinder.stroke)
+        for channel, name in unstated.items()
+        if UNITS[channel] == "m" and not states_unit(channel, name)
+    }
     return tuple(
         guess
         for channel in sorted(channels, key=tuple(UNITS).index)
         for guess in _as_commands(
-            ColumnGuess(channel, channels[channel], units[channel], offsets.get(channel, 0.0))
+            ColumnGuess(
+                channel,
+                channels[channel],
+                units[channel],
+                offsets.get(channel, 0.0),
+                doubts=doubts.get(channel, ()),
+            )
         )
     )
 
@@ -93,6 +107,7 @@ def _channels(
         raise CaseError(
             f"no column was recognised as {', '.join(missing)}; the file has {', '.join(columns)}; "
             f"name it, as --column '{missing[0]}={free[0]}'{two}"
+            + (WITHOUT_CLOCK if "t" in missing else "")
         )
     return channels
 
@@ -145,8 +160,7 @@ def _offsets(
     for channel in pressures:
         if cylinder.gauge or below or looks_gauge(channels[channel]):
             offsets[channel] = cylinder.ambient
-    x = signals["x"]
-    if x.min() > -0.02 * cylinder.stroke and x.max() > 0.52 * cylinder.stroke:
+    if counts_from_end(signals["x"], cylinder.stroke):
         # One sensor and one reference count from the same end.
         offsets |= dict.fromkeys({"x", "x_ref"} & signals.keys(), -cylinder.stroke / 2)
     commands = {"u", "u_P", "u_N"} & signals.keys()

@@ -8,13 +8,16 @@ import numpy as np
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.checks.metered_flow import MeteredFlow
-from pneumo_casadi.data.checks.sensors import noise_of
 from pneumo_casadi.data.checks.smoothed import BlockMeans, block_means
 from pneumo_casadi.data.recording.recording import Recording
+from pneumo_casadi.data.recording.samples import noise_of
 from pneumo_casadi.parameters import FloatArray
 
 AT_REST = 0.005
 """Speed below which the axis counts as at rest [m/s]: friction has no direction there."""
+SMALL_TRAVEL = 0.05
+"""Share of the stroke that no experiment is made for: a unit smaller than that of the column may
+have been stated, as mm for cm."""
 BANDWIDTH_SHARE = 0.99
 """Share of the power of the velocity below the bandwidth of the motion."""
 
@@ -198,7 +201,8 @@ def _of_motion(fitted: Sequence[RecordContents], bench: AnyBench) -> Iterator[St
         yield Statement(
             "volumes, effects over the position",
             share >= 0.25,
-            f"x from {1e3 * low:.3g} to {1e3 * high:.3g} mm, {100 * share:.2g} % of the stroke",
+            f"x from {1e3 * low:.3g} to {1e3 * high:.3g} mm, {100 * share:.2g} % of the stroke"
+            + ("; is x in its right unit?" if share < SMALL_TRAVEL else ""),
             "move over the whole stroke",
         )
     forward = sum(c.forward * c.duration for c in fitted) / sum(c.duration for c in fitted)

@@ -86,7 +86,8 @@ def test_init_guesses_channels_and_units_and_the_check_asks_for_gauge(
     map_and_validate = ("--flow-map", str(example / "flow_map.csv"),
                         "--validate", str(example / "validate.csv"))  # fmt: skip
     assert started(example, folder, *map_and_validate) == 0
-    assert "p_P       from column pA [bar]" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "p_P       from column pA [bar]" in printed and "is pos in" not in printed
     columns = json.loads((folder / "columns.json").read_text("utf-8"))
     assert columns["x_m"] == {"column": "pos", "unit": "mm", "offset": -0.25}
     assert columns["u_N_V"] == {"column": "valve", "scale": -1}
@@ -187,6 +188,29 @@ def test_a_channel_that_is_not_recognised_is_named_with_the_columns(log, tmp_pat
     assert cli.run([*files, *CYLINDER, "--column", "p_N=channel7:bar"]) == 0
     columns = json.loads((tmp_path / "axis" / "columns.json").read_text("utf-8"))
     assert columns["p_N_Pa"] == {"column": "channel7", "unit": "bar"}
+
+
+def test_a_length_that_may_be_in_mm_or_cm_is_asked_for_and_not_if_it_is_stated(
+    log, tmp_path, capsys
+):
+    doubtful = log.assign(pos=20 + 2.5 * np.sin(7 * np.linspace(0, 1, len(log))))
+    doubtful.to_csv(tmp_path / "log.csv", index=False)
+    files = ["init", str(tmp_path / "log.csv"), *CYLINDER, "-o"]
+    assert cli.run([*files, str(tmp_path / "guessed")]) == 0
+    printed = capsys.readouterr().out
+    assert "is pos in mm (5 mm) or cm (50 mm)? Its name does not say" in printed
+    assert "state it, as --column 'x=pos:cm'" in printed
+    for unit in ("cm", "mm", "inch"):
+        assert cli.run([*files, str(tmp_path / unit), "--column", f"x=pos:{unit}"]) == 0
+        assert "is pos in" not in capsys.readouterr().out
+        columns = json.loads((tmp_path / unit / "columns.json").read_text("utf-8"))
+        assert columns["x_m"]["unit"] == unit
+
+
+def test_a_log_without_time_says_how_to_add_it(log, tmp_path, capsys):
+    log.drop(columns="ms").to_csv(tmp_path / "log.csv", index=False)
+    assert cli.run(["init", str(tmp_path / "log.csv"), "-o", str(tmp_path / "a"), *CYLINDER]) == 2
+    assert "add a column t_s = row / sampling frequency" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

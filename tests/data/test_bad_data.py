@@ -1,6 +1,7 @@
 """Every way a case is spoilt in practice ends in an error that says where, what and what to do."""
 
 import gzip
+import json
 import re
 
 import pytest
@@ -113,6 +114,10 @@ SPOILT = {
     "semicolons": (
         lambda lines: [line.replace(",", ";") for line in lines],
         r"line 1 separates columns by semicolon.*use commas",
+    ),
+    "a position in centimetres": (
+        cells(scaled(100, "x_m", "x_ref_m")),
+        r"stroke exceeded.*is it in mm or cm\? In columns\.json: .*\"unit\": \"cm\"",
     ),
     "an empty line": (
         lambda lines: [*lines[:1234], "", *lines[1234:]],
@@ -284,3 +289,33 @@ def test_a_record_in_two_formats_is_refused(case_folder, good_text):
 def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(CaseError, match=r"nowhere: no such folder"):
         read_case(tmp_path / "nowhere")
+
+
+def test_an_offset_in_bar_is_told_to_be_added_in_pascal(case_folder):
+    """Sensors in bar gauge, and 1 bar meant: 1 Pa was added."""
+
+    def gauge(row):
+        for name in ("p_P_Pa", "p_N_Pa"):
+            row[name] = 1e-5 * float(row[name]) - 1
+
+    folder = case_folder(cells(gauge))
+    entry = {"unit": "bar", "offset": 1}
+    entries = {name: {"column": name, **entry} for name in ("p_P_Pa", "p_N_Pa")}
+    (folder / "columns.json").write_text(json.dumps(entries))
+    first, *others = read_case(folder).findings
+    assert "`offset` is in Pa, not in the unit of the column: 1 Pa is added to `p_P`" in first.text
+    for finding in (first, *(f for f in others if f.name == "gauge pressures")):
+        assert finding.suggestion["p_P_Pa"]["offset"] == 100_000
+    (folder / "columns.json").write_text(json.dumps({**entries, **first.suggestion}))
+    assert read_case(folder).findings == ()
+
+
+def test_areas_stated_as_a_share_in_place_of_per_cent_are_questioned(case_folder, bench_json):
+    folder = case_folder()
+    bench_json('"stroke_m"', '"area_accuracy_percent": 0.01, "stroke_m"')
+    (finding,) = read_case(folder).findings
+    assert finding.grade is Grade.CAUTION and "`area_accuracy_percent` = 0.01: is 1 % meant?" in (
+        finding.text
+    )
+    bench_json('"stroke_m"', '"area_accuracy_percent": 0.2, "stroke_m"')
+    assert read_case(folder).findings == ()

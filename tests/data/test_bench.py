@@ -17,6 +17,7 @@ from pneumo_casadi.data import (
     read_bench,
 )
 from pneumo_casadi.data.bench.bench_file import bench_content, bench_from_content
+from pneumo_casadi.data.bench.load import Load
 from pneumo_casadi.errors import CaseError
 
 
@@ -236,3 +237,20 @@ def test_an_exact_flow_meter_is_as_one_of_which_nothing_is_stated():
     sheet = {"C_fill": 1.2e-8, "C_exhaust": 1.4e-8, "u_full": 5.0}
     with pytest.raises(CaseError, match=r"accuracy_percent`: 0 for a data sheet.* leave it out"):
         ValveData(FlowSource.DATA_SHEET, accuracy=0.0, **sheet)
+
+
+@pytest.mark.parametrize(
+    ("load", "M"),
+    [(Load(force=1e5), 17.0), (Load(force=-1e4), None), (Load(angle_deg=90.0), 200.0)],
+)
+def test_a_load_that_no_pressure_moves_is_refused(bench, load, M):
+    datasheet = {} if M is None else {"M_kg": M}
+    with pytest.raises(CaseError, match=r"exceed the largest piston force.*= 612\.5 N"):
+        replace(bench, load=load, datasheet=datasheet)
+
+
+@pytest.mark.parametrize(("force", "M"), [(1900.0, 200.0), (1900.0, None), (250.0, 17.0)])
+def test_a_force_may_balance_a_weight_known_or_not(bench, force, M):
+    datasheet = {} if M is None else {"M_kg": M}
+    load = Load(angle_deg=90.0, force=force)
+    assert replace(bench, load=load, datasheet=datasheet).load == load

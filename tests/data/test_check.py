@@ -68,6 +68,15 @@ def test_a_short_slow_record_says_what_to_record_next(case):
     assert any("validate.csv" in advice for advice in result.record_next)
 
 
+def test_a_travel_of_a_few_per_cent_of_the_stroke_questions_the_unit(case):
+    record = case.identify[0]
+    for share, questioned in ((0.05, True), (0.2, False)):
+        small = {name: share * record[name] for name in ("x", "x_ref")}
+        result = pc.check(replace(case, identify=(record.with_channels(small),), validate=()))
+        texts = [statement.text for statement in result.statements]
+        assert any("; is x in its right unit?" in text for text in texts) is questioned
+
+
 def test_motion_in_one_direction_cannot_tell_the_friction_of_the_other(case):
     record = case.identify[0]
     forward = record.with_channels({"x": 1e-2 * (record.t - record.t[0]) + 1e-3 * np.sin(record.t)})

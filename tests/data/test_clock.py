@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pneumo_casadi.data import Clock, InputHold, Recording
-from pneumo_casadi.data.checks.records import _check_clock
+from pneumo_casadi.data.record_checks import _check_clock
 from pneumo_casadi.data.recording.clock import sample_time, split_rows
 from pneumo_casadi.data.recording.curves import Curves, curves_of
 from pneumo_casadi.errors import CaseError

@@ -9,6 +9,7 @@ import pytest
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import EXAMPLE, Column, Grade, check_records, read_case, write_case
 from pneumo_casadi.data.bench.controllers import NoController
+from pneumo_casadi.data.checks.balance_mistakes import _times_less
 from pneumo_casadi.data.checks.metered_flow import metered_flows
 from pneumo_casadi.data.readers.column_entries import ColumnEntries
 
@@ -283,3 +284,8 @@ def test_a_chamber_in_gauge_beside_an_absolute_pressure_is_named(
     assert finding.suggestion == {
         f"{channel}_Pa": {"column": f"{channel}_Pa", "offset": case.bench.p_ext}
     }
+
+
+def test_balances_that_leave_more_than_all_tell_of_no_gauge_pressures():
+    assert _times_less((0.02, 0.03), (0.2, 0.3)) == pytest.approx(10.0)
+    assert _times_less((220.0, 200.0), (1400.0, 1300.0)) == 0.0

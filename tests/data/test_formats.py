@@ -11,7 +11,7 @@ import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pneumo_casadi.data import Column, InputHold, read_recording
+from pneumo_casadi.data import Column, InputHold, column_map, read_recording
 from pneumo_casadi.errors import CaseError, MissingExtraError
 
 ZERO = InputHold.ZERO
@@ -151,6 +151,9 @@ def test_empty_lines_at_the_end_are_no_rows(tmp_path, columns):
         ("a.parquet", b"PAR1 no parquet file", "not a readable Parquet file"),
         ("a.csv", b"t_s,x_m\n", "no rows of data"),
         ("a.csv", b"\n1,2\n", "line 1 is empty; it must name the columns"),
+        ("a.csv", b"# logger v3\nt_s,x_m\n0,1\n", "line 1, .# logger v3., does not name the col"),
+        ("a.csv", b"logger v3\nt_s,x_m\n0,1\n", "delete the lines before the one that does"),
+        ("a.csv", b"# a\n# b\nt_s,x_m\n0,1\n", "does not name the columns"),
         ("a.csv", "t_s,x_m\n0,1\n".encode("utf-16") + b"\n", "begins as UTF-16-LE text, but byte"),
         ("a.csv", b"t_s,\0\n0,1\n", "holds binary data"),
         ("a.xls", b"x", "unknown suffix '.xls'; use one of .csv, .csv.gz, .mat, .parquet"),
@@ -175,3 +178,32 @@ def test_without_pyarrow_a_parquet_file_names_the_extra(tmp_path, monkeypatch):
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(CaseError, match=r"a\.csv: no such file"):
         read_recording(tmp_path / "a.csv", ZERO)
+
+
+@pytest.fixture
+def commands(columns):
+    return columns | {"u_P_V": np.linspace(-1.0, 2.0, 80), "u_N_V": np.linspace(3.0, 4.0, 80)}
+
+
+def test_a_column_named_for_another_channel_serves_its_own_as_well(tmp_path, commands):
+    u = commands["u_P_V"]
+    del commands["u_N_V"]
+    entries = column_map({"u_N_V": {"column": "u_P_V", "scale": -1}})
+    record = read_recording(write(tmp_path / "one.csv", commands), ZERO, entries)
+    np.testing.assert_array_equal(record["u_P"], u)
+    np.testing.assert_array_equal(record["u_N"], -u)
+
+
+def test_a_column_whose_channel_is_taken_elsewhere_serves_that_alone(tmp_path, commands):
+    path = write(tmp_path / "two.csv", commands)
+    swapped = read_recording(path, ZERO, column_map({"u_P_V": "u_N_V", "u_N_V": "u_P_V"}))
+    np.testing.assert_array_equal(swapped["u_P"], commands["u_N_V"])
+    path = write(tmp_path / "one.csv", commands | {"u_V": commands["u_P_V"]})
+    both = column_map({"u_P_V": "u_V", "u_N_V": {"column": "u_V", "scale": -1}})
+    np.testing.assert_array_equal(read_recording(path, ZERO, both)["u_N"], -commands["u_P_V"])
+
+
+def test_a_file_without_time_says_how_to_add_it(tmp_path, columns):
+    del columns["t_s"]
+    with pytest.raises(CaseError, match=r"add a column t_s = row / sampling frequency \(lost rows"):
+        read_recording(write(tmp_path / "r.csv", columns), ZERO)

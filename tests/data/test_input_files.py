@@ -9,6 +9,7 @@ import pytest
 import scipy.io
 
 from pneumo_casadi.data import Grade, InputHold, read_case, read_recording
+from pneumo_casadi.data.check import check
 from pneumo_casadi.data.checks.metered_flow import check_flow_map, metered_flows
 from pneumo_casadi.data.readers import mat_process
 from pneumo_casadi.data.readers.columns import COLUMNS
@@ -126,11 +127,44 @@ def test_a_sound_map_has_no_finding(tmp_path):
         ),
         (lambda u, p, q: [a[[0, 8, 72, 80]] for a in (u, p, q)], "flow map too small"),
         (lambda u, p, q: [a[[0, 40, 77]] for a in (u, p, q)], "flow map too small"),
+        (lambda u, p, q: [a[u == 0.0] for a in (u, p, q)], "flow map on a line"),
         (lambda u, p, q: (u, p, 0 * q), "flow map without flow"),
+        (lambda u, p, q: [a[np.r_[0:81, 0:81]] for a in (u, p, q)], "flow map with copied rows"),
+        (lambda u, p, q: [a[np.r_[0:81, 3]] for a in (u, p, q)], "flow map with copied rows"),
     ],
 )
 def test_a_map_that_contradicts_itself_is_named(tmp_path, change, name):
     assert name in flow_map(tmp_path, change)
+
+
+@pytest.mark.parametrize("command", [0.0, 3.0])
+def test_a_map_of_one_command_is_named_and_accuses_no_other_data(case_folder, command):
+    folder = case_folder()
+    flow_map(folder, lambda u, p, q: [a[u == command] for a in (u, p, q)])
+    (finding,) = check(folder).findings
+    assert finding.name == "flow map on a line" and "9 points, 1 command and" in finding.text
+    with pytest.raises(CaseError, match="1 command and 9 pressures: meter filling, closed and"):
+        read_case(folder)
+
+
+def metered_twice(u, p, q):
+    """Points metered twice, of a meter of 1e-9 kg/s, and without flow where it is closed."""
+    rng = np.random.default_rng(0)
+    u, p, q = (np.r_[a, a] for a in (u, p, q))
+    noisy = np.round(q + 2e-6 * rng.standard_normal(q.size), 9)
+    return u, p, np.where(u == 0, 0.0, noisy)
+
+
+def test_points_metered_again_are_no_copies(tmp_path):
+    assert flow_map(tmp_path, metered_twice) == []
+
+
+def test_a_meter_that_rounds_coarsely_copies_no_rows(tmp_path):
+    def coarse(u, p, q):
+        u, p, q = metered_twice(u, p, q)
+        return u, p, 8e-6 * np.round(q / 8e-6)
+
+    assert flow_map(tmp_path, coarse) == []
 
 
 def test_a_hidden_parser_crash_costs_an_error_only(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 from pneumo_casadi.data import (
     CascadeController,
+    Grade,
     PidController,
     ProportionalController,
     Recording,
@@ -46,6 +47,72 @@ def test_a_sensor_that_sticks_for_a_while_is_noted_with_its_row(recording, bench
 def test_a_still_channel_is_no_fault_where_the_noise_is_unknown(recording, bench):
     quiet = replace(bench, noise=None)
     assert check_recording(changed(recording, "x", slice(100, 160), 0.02), quiet) == ()
+
+
+@pytest.mark.parametrize(("channel", "size"), [("p_P", 2.8e5), ("x", -0.02)])
+def test_a_single_row_far_off_is_named_with_its_value(recording, bench, channel, size):
+    value = recording[channel][2000] + size
+    spoilt = changed(recording, channel, slice(2000, 2001), value)
+    finding = check_recording(spoilt, bench)[0]
+    assert (finding.name, finding.grade, finding.source) == ("spike", Grade.CAUTION, "identify")
+    assert f"row 2001: `{channel}` = {value:.6g} " in finding.text
+    assert "(1 such row)" in finding.text
+
+
+def discontinuities(recording, bench):
+    quiet = replace(bench, noise=None)  # frozen sensors are none of its business
+    return [f for f in check_sensors(recording, quiet) if f.name in ("spike", "lost rows")]
+
+
+def without_rows(recording, first, count):
+    """The record as a logger leaves it that lost rows and numbers those that are left."""
+    kept = np.delete(np.arange(recording.N), slice(first, first + count))
+    channels = {name: recording[name][kept] for name in recording.names}
+    t = recording.t[: kept.size]
+    return Recording(t, channels, recording.name, recording.source, recording.hold)
+
+
+@pytest.mark.parametrize("first", [600, 1500, 2500])
+def test_rows_that_were_lost_show_though_the_clock_runs_on(recording, bench, first):
+    (finding,) = discontinuities(without_rows(recording, first, 40), bench)
+    assert (finding.name, finding.grade) == ("lost rows", Grade.CAUTION)
+    assert f"row {first + 1}: within one row `x` by " in finding.text
+
+
+def coarse(step):
+    return lambda values: step * np.round(values / step)
+
+
+HARMLESS = {
+    "encoder of 0.1 mm": {"x": coarse(1e-4)},
+    "encoder of 2 mm": {"x": coarse(2e-3)},
+    "converter of 12 bits": {name: coarse(250.0) for name in ("p_P", "p_N")},
+    "sensor read every 10th row": {"x": lambda x: np.repeat(x[::10], 10)[: x.size]},
+    "sensor read every 50th row": {"x": lambda x: np.repeat(x[::50], 50)[: x.size]},
+    "hit at an end stop": {"x": lambda x: np.clip(x, -0.02, 0.02)},
+    "play of 1 mm": {"x": lambda x: np.clip(x, None, 0.03) + 1e-3 * (np.gradient(x) > 0)},
+}
+"""What real sensors and axes do; the play is rounded off by noise of the direction of motion."""
+
+
+@pytest.mark.parametrize("name", [*HARMLESS])
+def test_what_real_sensors_do_is_neither_a_spike_nor_lost_rows(recording, bench, name):
+    changes = {channel: change(recording[channel]) for channel, change in HARMLESS[name].items()}
+    assert discontinuities(recording.with_channels(changes), bench) == []
+
+
+@pytest.mark.parametrize("rows", [5, 20])
+def test_coarse_sampling_is_neither_a_spike_nor_lost_rows(recording, bench, rows):
+    channels = {name: recording[name][::rows] for name in recording.names}
+    slow = Recording(recording.t[::rows], channels, "slow", "simulated", recording.hold)
+    assert discontinuities(slow, bench) == []
+
+
+def test_pressure_edges_of_single_milliseconds_are_no_spikes(recording, bench):
+    """A chamber of a few millilitres fills within some rows at 1 kHz."""
+    k = np.arange(recording.N)
+    edge = 3e5 * (1 - np.exp(-np.maximum(k - 1000, 0) / 2.0)) * (k < 1800)
+    assert discontinuities(recording.with_channels({"p_P": recording["p_P"] + edge}), bench) == []
 
 
 def test_coarse_quantisation_is_noted_with_its_step(recording, bench):

@@ -117,6 +117,7 @@ class Bench:
                 "give absolute pressures"
             )
         check_parts(self)
+        self._check_load()
         if self.noise is not None and self.noise.p == 0.0:
             raise CaseError("`noise.p`: 0 Pa; no sensor is exact: give its standard deviation")
 
@@ -129,6 +130,23 @@ class Bench:
     def stroke_limits(self) -> tuple[float, float]:
         """Ends of the stroke (−l/2, l/2) [m], as x = 0 is the middle (eq. 3)."""
         return -self.stroke / 2, self.stroke / 2
+
+    def _check_load(self) -> None:
+        """Refuse a load that no pressure up to the supply moves.
+
+        A force may balance a weight: both count together, and not where the mass is unknown.
+        """
+        M = self.datasheet.get("M_kg")
+        if M is None and self.load.acceleration:
+            return
+        weight = (M or 0.0) * self.load.acceleration
+        largest = max(self.S_P, self.S_N) * self.p_supply
+        if abs(weight + self.load.force) > largest:
+            raise CaseError(
+                f"`load`: a weight of {weight:g} N along +x and a force of {self.load.force:g} N "
+                f"exceed the largest piston force, area times supply pressure = {largest:g} N: the "
+                "axis cannot move; give `force_N` in N, `datasheet.M_kg` in kg, the areas in m²"
+            )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return rebuilt(self)

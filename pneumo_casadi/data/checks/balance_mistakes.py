@@ -231,9 +231,10 @@ def _moved(balances: MassBalances, entries: ColumnEntries, offset: float) -> dic
 def _times_less(explained: tuple[float, float], as_read: tuple[float, float]) -> float:
     """Return how many times less an explanation leaves; 0 unless it helps both chambers.
 
-    What concerns one chamber alone, a leak for example, is no mistake in reading both.
+    What concerns one chamber alone, a leak for example, is no mistake in reading both; and what
+    leaves all of the variance or more explains nothing.
     """
-    helps = all(after < before for after, before in zip(explained, as_read, strict=True))
+    helps = all(after < min(before, 1.0) for after, before in zip(explained, as_read, strict=True))
     return sum(as_read) / max(sum(explained), 1e-300) if helps else 0.0
 
 

@@ -34,6 +34,14 @@ CONTRADICTED = 0.3
 """The same that no metering explains."""
 CORRELATED = 0.3
 """Rank correlation of flow and command: above 0.8 for a valve, near 0 for noise."""
+MOSTLY, COARSE = 0.5, 1e-3
+"""Share of the points metered again that agree to the last digit, from which rows were copied, and
+quantum of the flow over its size from which a meter shows the same number by chance."""
+ON_A_LINE = "flow map on a line"
+USELESS = frozenset(
+    {ON_A_LINE, "flow map too small", "flow map without flow", "flow map without opening"}
+)
+"""Findings after which nothing is compared with a map; none is fitted to one on a line."""
 AROUND, OUTLIER = 6, 5.0
 """Neighbours that a point is compared with, and how many times as far off as nine of ten it is."""
 
@@ -124,9 +132,10 @@ def check_flow_map(flow: MeteredFlow) -> Iterator[Finding]:
     if commands < FEWEST or pressures < FEWEST or u.size < FEWEST**2:
         yield _finding(
             Grade.SEVERE,
-            "flow map too small",
-            f"{name}: {u.size} points, {commands} commands and {pressures} pressures; meter at "
-            "least filling, closed and emptying at three pressures each.",
+            ON_A_LINE if min(commands, pressures) == 1 else "flow map too small",
+            f"{name}: {_count(u.size, 'point')}, {_count(commands, 'command')} and "
+            f"{_count(pressures, 'pressure')}: meter filling, closed and emptying, at three "
+            "pressures each at least.",
         )
         return
     size = float(np.quantile(np.abs(flow.q_m), 0.9)) or float(np.abs(flow.q_m).max())
@@ -142,6 +151,7 @@ def check_flow_map(flow: MeteredFlow) -> Iterator[Finding]:
             f"{flow.q_m[order[k]]:.3g} and {flow.q_m[order[k + 1]]:.3g} kg/s "
             f"({int(np.count_nonzero(spread > REPEATED * size))} such points); meter them again.",
         )
+    yield from _copies(flow, size)
     correlation = float(scipy.stats.spearmanr(u, flow.q_m).statistic)
     if correlation < CORRELATED:
         remedy = (
@@ -157,6 +167,30 @@ def check_flow_map(flow: MeteredFlow) -> Iterator[Finding]:
         )
         return
     yield from _outliers(flow, size)
+
+
+def _copies(flow: MeteredFlow, size: float) -> Iterator[Finding]:
+    """Yield rows that stand in a map twice; closed valves may show 0 again and again."""
+    flowing = np.flatnonzero(flow.q_m)
+    points = np.column_stack([flow.u, flow.p, flow.q_m])[flowing]
+    _, first, which = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    again = len(points) - np.unique(points[:, :2], axis=0).shape[0]
+    copied = np.flatnonzero(first[which.ravel()] != np.arange(flowing.size))
+    quantum = float(np.diff(np.unique(np.abs(flow.q_m))).min())
+    if copied.size > MOSTLY * again and copied.size and quantum < COARSE * size:
+        k = int(flowing[copied[0]])
+        yield _finding(
+            Grade.CAUTION,
+            "flow map with copied rows",
+            f"{flow.path.name}: {copied.size} of {flow.u.size} points repeat an earlier one to the "
+            f"last digit of the flow, the first is point {k + 1}, {flow.u[k]:.4g} V and "
+            f"{flow.p[k]:.6g} Pa: what is metered once counts twice, and intervals come out too "
+            "small; remove them.",
+        )
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _outliers(flow: MeteredFlow, size: float) -> Iterator[Finding]:

@@ -1,5 +1,6 @@
 """Values against the bench: positions within the stroke, pressures, commands, their units."""
 
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,13 +27,53 @@ from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade
 from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.data.recording.recording import Recording
+from pneumo_casadi.data.recording.samples import noise_of
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
 
 STROKE_MARGIN = 0.005  # share of the stroke by which a cushion or a sensor may exceed it
 VACUUM_MARGIN = 0.1  # share of p_ext by which a chamber may fall below it
 OTHER_UNIT = 5.0  # beyond this multiple of its limit a value has another unit
 LARGEST = 1e9  # SI units: a thousand times the supply pressure, the largest signal of an axis
+BEST_BORE = 1e-3  # a bore of 32 mm to two hundredths; areas are known no better [1]
+HALF_DECADE = 10**0.5  # of noise, by which units of lengths are told apart
 WIDESPREAD = 0.05  # share of the rows beyond which the column, not a spike, is wrong
+
+
+def check_statements(bench: AnyBench, entries: ColumnEntries) -> Iterator[Finding]:
+    """Yield what bench.json and columns.json state in another unit than theirs, all in range."""
+    accuracy = getattr(bench, "area_accuracy", BEST_BORE)
+    if accuracy < BEST_BORE:
+        percent = 100 * accuracy
+        yield Finding(
+            Grade.CAUTION,
+            "accuracy of the areas",
+            "S_P, S_N",
+            f"`area_accuracy_percent` = {percent:g}: is {100 * percent:g} % meant? No bore is "
+            f"known to {percent:g} %; intervals of X_s come out too small for it.",
+            "bench.json",
+            {"area_accuracy_percent": float(f"{100 * percent:g}")},
+        )
+    ambient, stroke = getattr(bench, "p_ext", 0.0), bench.stroke or 0.0
+    expected = dict.fromkeys(("p_P", "p_N", "p_supply"), ambient)
+    expected |= dict.fromkeys(("x", "x_ref"), stroke / 2)
+    offsets = {name: entries.offset_in_own_unit(name, size) for name, size in expected.items()}
+    wrong = {name: offset for name, offset in offsets.items() if offset}
+    if wrong:
+        suggestion: dict[str, Any] = {}
+        for name, (_, meant) in wrong.items():
+            suggestion |= entries.corrected(name, offset=meant)
+        name, (stated, meant) = next(iter(wrong.items()))
+        yield Finding(
+            Grade.SEVERE,
+            "offset in another unit",
+            ", ".join(wrong),
+            f"`offset` is in {UNITS[name]}, not in the unit of the column: {stated:g} "
+            f"{UNITS[name]} is added to {' and '.join(f'`{name}`' for name in wrong)}; is "
+            f"{meant:g} {UNITS[name]} meant?",
+            "columns.json",
+            suggestion,
+        )
 
 
 def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) -> None:
@@ -79,7 +120,8 @@ def _check_position(recording: Recording, bench: Bench, entries: ColumnEntries) 
     margin = STROKE_MARGIN * bench.stroke + (5 * bench.noise.x if bench.noise else 0.0)
     lower, upper = (bench.stroke_limits[0] - margin, bench.stroke_limits[1] + margin)
     x = recording["x"]
-    far = max(abs(x.min()), abs(x.max())) > OTHER_UNIT * upper
+    # Travel beyond the stroke is another unit, from wherever it counts.
+    far = max(np.abs(x).max() / OTHER_UNIT, np.ptp(x) / 2) > upper
     units = LENGTHS if far else {"m": (1.0, 0.0)}
     from_end = {
         f"{unit} from the end of the stroke (subtract l/2)": (scale, -bench.stroke / 2)
@@ -88,7 +130,8 @@ def _check_position(recording: Recording, bench: Bench, entries: ColumnEntries) 
         if scale * float(x.max()) > upper
     }
     quantity = Quantity("m from mid-stroke", lower, upper, {**(units if far else {}), **from_end})
-    _check(recording, "x", quantity, "stroke exceeded", entries)
+    noise = bench.noise.x if bench.noise else None
+    _check(recording, "x", quantity, "stroke exceeded", entries, noise)
 
 
 def _check_travel(recording: Recording, bench: ForceBench | PressureBench) -> None:
@@ -100,7 +143,11 @@ def _check_travel(recording: Recording, bench: ForceBench | PressureBench) -> No
         raise CaseError(
             f"{recording.where(k)}: `x` = {x[k]:g} m: the record travels {travel:g} m, the stroke "
             f"is {bench.stroke:g} m; "
-            + ("is it in mm?" if travel > OTHER_UNIT * bench.stroke else "correct x or the stroke")
+            + (
+                Quantity("m", 0.0, bench.stroke, LENGTHS).guess(travel)
+                if travel > OTHER_UNIT * bench.stroke
+                else "correct x or the stroke"
+            )
         )
 
 
@@ -145,7 +192,12 @@ def _check_symmetric(
 
 
 def _check(
-    recording: Recording, channel: str, quantity: Quantity, what: str, entries: ColumnEntries
+    recording: Recording,
+    channel: str,
+    quantity: Quantity,
+    what: str,
+    entries: ColumnEntries,
+    noise: float | None = None,
 ) -> None:
     values = recording[channel]
     wrong = np.flatnonzero((values < quantity.lower) | (values > quantity.upper))
@@ -158,8 +210,10 @@ def _check(
         remedy = "cut these rows out, or correct the column or bench.json"
     else:
         remedy = f"is it in {' or '.join(units)}?"
-        factor, offset = quantity.mistaken[units[0]]
-        for name in _read_alike(recording, channel, quantity):
+        fitting = [quantity.mistaken[unit] for unit in units]
+        lengths = UNITS[channel] == "m"
+        factor, offset = _likeliest(fitting, values, noise) if lengths else fitting[0]
+        for name in _read_alike(recording, channel, quantity) if factor else ():
             suggestion |= entries.corrected(name, factor=factor, offset=offset)
     raise ContradictionError(
         Finding(
@@ -173,6 +227,20 @@ def _check(
             suggestion,
         )
     )
+
+
+def _likeliest(
+    conversions: Sequence[tuple[float, float]], values: FloatArray, noise: float | None
+) -> tuple[float, float]:
+    """Return scale and offset that fit, by the noise stated where scales differ; 0 if in doubt."""
+    if len({scale for scale, _ in conversions}) == 1:
+        return conversions[0]
+    if noise:
+        estimated = noise_of(values)
+        for scale, offset in conversions:
+            if 1 / HALF_DECADE < scale * estimated / noise < HALF_DECADE:
+                return scale, offset
+    return 0.0, 0.0
 
 
 def _read_alike(recording: Recording, channel: str, quantity: Quantity) -> list[str]:

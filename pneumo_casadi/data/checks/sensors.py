@@ -15,8 +15,8 @@ from pneumo_casadi.data.bench.valve_source import Arrangement
 from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.recording.channels import UNITS, column_name
 from pneumo_casadi.data.recording.recording import Recording
+from pneumo_casadi.data.recording.samples import longest_run, noise_of, quantisation_step
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.parameters import FloatArray
 
 FROZEN_ROWS = 50  # noise of a quantum or more repeats a value this often with p < 1e-19
 FROZEN_SHARE = 0.1
@@ -24,9 +24,7 @@ LAW_TOLERANCE = 0.1
 NOISY = 0.3  # noise over quantum from which neighbours rarely agree: the noise of rounding itself
 CLIPPED_ROWS = 5  # equal rows: noise of such size repeats the extreme value so often with p < 1e-4
 FEWEST_CLIPPED = 2  # once may be a rest
-NORMAL_MAD = 1.4826  # standard deviation of a normal distribution over its median deviation
 CLIPPED_SHARE = 0.01  # of the rows, from which a fit follows the limit and not the axis
-ROWS_FOR_NOISE = 50_000  # as many tell a standard deviation to 0.5 %
 NOISE_RATIO = 2.0  # estimated over stated noise, either way: what a model leaves is held against it
 
 
@@ -64,33 +62,6 @@ def check_sensors(recording: Recording, bench: AnyBench) -> Iterator[Finding]:
         yield from _off_the_law(recording, controller)
     else:
         yield from _off_the_replayed_law(recording, bench)
-
-
-def quantisation_step(values: FloatArray) -> float:
-    """Return the smallest step between neighbouring samples, 0 for a constant.
-
-    Examples
-    --------
-    >>> quantisation_step(np.array([0.0, 0.5, 0.5, 2.0]))
-    0.5
-    """
-    differences = np.abs(np.diff(values))
-    moved = differences[differences > 1e-12 * np.abs(values).max()]
-    return float(moved.min()) if moved.size else 0.0
-
-
-def longest_run(values: FloatArray) -> tuple[int, int]:
-    """Return start and length of the longest stretch of equal samples.
-
-    Examples
-    --------
-    >>> longest_run(np.array([1.0, 2.0, 2.0, 2.0, 3.0]))
-    (1, 3)
-    """
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [values.size]])
-    lengths = np.diff(starts)
-    k = int(lengths.argmax())
-    return int(starts[k]), int(lengths[k])
 
 
 def _check_alive(recording: Recording, channel: str) -> None:
@@ -156,25 +127,6 @@ def _clipped(recording: Recording, channel: str) -> Iterator[Finding]:
                 "range of the sensor or the converter, or cut these rows out.",
                 source=recording.name,
             )
-
-
-def noise_of(values: FloatArray) -> float:
-    """Return the standard deviation of white noise on a smooth signal.
-
-    From the median of the fourth differences, whose variance is 70 σ²: the signal itself does not
-    show in them where it is sampled well above its bandwidth.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> smooth = np.sin(np.linspace(0, 30, 20_000))
-    >>> round(noise_of(smooth + 1e-3 * rng.standard_normal(20_000)), 4)
-    0.001
-    """
-    differences = np.diff(values, 4)
-    differences = differences[:: 1 + differences.size // ROWS_FOR_NOISE]
-    deviation = float(np.median(np.abs(differences - np.median(differences))))
-    return NORMAL_MAD * deviation / float(np.sqrt(70.0))
 
 
 def _not_in_opposition(

@@ -8,6 +8,9 @@ from pneumo_casadi.data.readers.columns import Column, ColumnSpec
 from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS, column_name
 
+NEAR = 0.2
+"""Share by which an ambient pressure differs from the standard one: up to 2000 m above the sea."""
+
 
 @dataclass(frozen=True, slots=True)
 class ColumnEntries:
@@ -62,7 +65,9 @@ class ColumnEntries:
                 return {}  # it follows from the one command, as u_P does
             channel, taken_from, factor = "u", None, -factor if taken_from else factor
         name, column = self._read_from(taken_from or channel)
-        scale, offset = factor * column.scale, factor * column.offset + offset
+        if not self.offset_in_own_unit(taken_from or channel, offset):
+            offset += factor * column.offset
+        scale = factor * column.scale
         late = column.rows_late + rows_late
         units = {size: unit for unit, size in SI_FACTORS.get(UNITS[channel], {}).items()}
         entry: dict[str, Any] = {"column": name}
@@ -73,6 +78,23 @@ class ColumnEntries:
         entry |= {"offset": _short(offset)} if offset else {}
         entry |= {"rows_late": late} if late else {}
         return {column_name(channel): name if len(entry) == 1 else entry}
+
+    def offset_in_own_unit(self, channel: str, expected: float) -> tuple[float, float] | None:
+        """Return the offset of a channel [SI], and that meant if it is in the column's own unit.
+
+        It is if it comes as near to the expected one, of either sign, as that of the day is known.
+
+        Parameters
+        ----------
+        channel : str
+            Symbol of the channel.
+        expected : float
+            Offset that it may have been meant for [SI].
+        """
+        _, column = self._read_from(channel)
+        meant = abs(column.scale) * column.offset
+        near = abs(abs(meant) - abs(expected)) < NEAR * abs(expected)
+        return (column.offset, meant) if near and abs(column.scale) != 1.0 else None
 
     def _from_one_command(self, channel: str) -> bool:
         named = {c.channel for spec in self.columns.values() for c in _as_columns(spec)}

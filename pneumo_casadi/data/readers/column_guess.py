@@ -58,6 +58,9 @@ class ColumnGuess:
         Added last [SI].
     scale : float, optional
         In place of the unit: −1 for the opposite command.
+    doubts : tuple of (str, float), optional
+        Units that it may be in as far as its size tells, the guessed one first, and the travel of a
+        position in each [m]; empty where name or size leave no doubt.
     """
 
     channel: str
@@ -65,6 +68,7 @@ class ColumnGuess:
     unit: str
     offset: float = 0.0
     scale: float | None = None
+    doubts: tuple[tuple[str, float], ...] = ()
 
     @property
     def entry(self) -> dict[str, Any]:
@@ -140,6 +144,47 @@ def guess_unit(
     if si == "m":
         return "mm" if float(np.max(np.abs(values))) > 2 * stroke else "m"
     return si
+
+
+def doubtful_lengths(values: FloatArray, unit: str, stroke: float) -> tuple[tuple[str, float], ...]:
+    """Return the guessed unit of a position, larger ones that fit the stroke too, and the travels.
+
+    Parameters
+    ----------
+    values : (n,) array
+        The column.
+    unit : str
+        Guessed unit.
+    stroke : float
+        Length of the stroke [m].
+
+    Examples
+    --------
+    >>> doubtful_lengths(np.array([18.0, 28.0]), "mm", 0.4)
+    (('mm', 0.01), ('cm', 0.1))
+    >>> doubtful_lengths(np.array([18.0, 280.0]), "mm", 0.4)
+    ()
+    """
+    travel, scales = float(np.ptp(values)), SI_FACTORS["m"]
+    larger = [
+        other
+        for other in sorted(scales, key=lambda name: scales[name])
+        if scales[other] > scales[unit] and within_stroke(scales[other] * values, stroke)
+    ]
+    units = [unit, *larger] if larger else []
+    return tuple((name, float(f"{scales[name] * travel:.3g}")) for name in units)
+
+
+def within_stroke(x: FloatArray, stroke: float) -> bool:
+    """Return whether a position [m] may count from mid-stroke, or from one end of the stroke."""
+    return bool(x.max() <= (1.02 if counts_from_end(x, stroke) else 0.52) * stroke) and bool(
+        x.min() >= -0.52 * stroke
+    )
+
+
+def counts_from_end(x: FloatArray, stroke: float) -> bool:
+    """Return whether a position [m] counts from one end of the stroke, to 2 % of it."""
+    return bool(x.min() > -0.02 * stroke and x.max() > 0.52 * stroke)
 
 
 def pressure_units(highest: float, supply: float, ambient: float) -> tuple[str, ...]:

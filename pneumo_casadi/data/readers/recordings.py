@@ -19,6 +19,11 @@ from pneumo_casadi.runtime.input_files import listed, printable
 #: Rows below which a record has nothing to teach.
 FEWEST_ROWS = 50
 
+WITHOUT_CLOCK = (
+    "; if no time was recorded and the clock was uniform, add a column t_s = row / sampling "
+    "frequency (lost rows then do not show)"
+)
+
 log = logging.getLogger(__name__)
 
 
@@ -170,11 +175,13 @@ def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tup
             )
     meaning = [(name, column) for name, entry in columns.items() for column in _as_columns(entry)]
     taken = {column.channel for _, column in meaning}
+    if {"u_P", "u_N"} <= taken:
+        taken.add("u")  # which would be both of them
     for name in table.names:
-        if name in columns:
-            continue
         if name in COLUMNS and COLUMNS[name].channel not in taken:
-            meaning.append((name, COLUMNS[name]))
+            meaning.append((name, COLUMNS[name]))  # it may serve another channel besides its own
+            continue
+        if name in columns:
             continue
         _refuse_foreign_unit(table, name)
         log.info("%s: column `%s` is not used", table.path, name)
@@ -209,5 +216,5 @@ def _no_column(table: Table, channel: str) -> str:
     return (
         f"{table.path}: no column `{column_name(channel)}`; the file has "
         f"{listed(table.names)}; write in {COLUMNS_FILE} which of them it is, as "
-        f'"{column_name(channel)}": "NAME"'
+        f'"{column_name(channel)}": "NAME"' + (WITHOUT_CLOCK if channel == "t" else "")
     )

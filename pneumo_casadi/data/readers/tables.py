@@ -160,6 +160,7 @@ def _header(path: Path, text: bytes) -> list[str]:
             "and a point in numbers"
         )
     first_row = text.split(b"\n", 2)[1:2]
+    _check_comment(path, line, first_row)
     if first_row and b'"' not in first_row[0] and first_row[0].count(b",") > line.count(","):
         raise CaseError(
             f"{path}: row 1 (line 2) has more cells than line 1 names columns; use commas between "
@@ -173,6 +174,25 @@ def _header(path: Path, text: bytes) -> list[str]:
         )
     _check_unique(path, names)
     return names
+
+
+def _check_comment(path: Path, line: str, below: Sequence[bytes]) -> None:
+    """Refuse a first line that is a remark: one name where the line below has several, or a #."""
+    more = bool(below) and below[0].count(b",") > line.count(",")
+    names = more and not any(map(_is_number, below[0].decode().split(",")))
+    if ("," not in line and line.lstrip().startswith(("#", "%"))) or names:
+        raise CaseError(
+            f"{path}: line 1, {shown(line.strip()[:60])}, does not name the columns; delete the "
+            "lines before the one that does, and any other comments"
+        )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _check_unique(path: Path, names: Sequence[str]) -> None:

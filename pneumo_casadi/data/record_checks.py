@@ -14,15 +14,21 @@ from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench
 from pneumo_casadi.data.checks.balance_mistakes import check_mass_balances
 from pneumo_casadi.data.checks.chambers import cannot_tell, check_chambers
+from pneumo_casadi.data.checks.continuity import check_continuity
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade, merge_findings
 from pneumo_casadi.data.checks.force_balance import (
     check_driven_mass,
     check_force_balance,
     check_measured_force,
 )
-from pneumo_casadi.data.checks.metered_flow import MeteredFlow, check_flow_map
+from pneumo_casadi.data.checks.metered_flow import (
+    ON_A_LINE,
+    USELESS,
+    MeteredFlow,
+    check_flow_map,
+)
 from pneumo_casadi.data.checks.motion_sensors import check_motion_sensors
-from pneumo_casadi.data.checks.ranges import check_ranges
+from pneumo_casadi.data.checks.ranges import check_ranges, check_statements
 from pneumo_casadi.data.checks.sensors import check_sensors
 from pneumo_casadi.data.checks.smoothed import smoothed_record
 from pneumo_casadi.data.checks.supply import check_supply
@@ -110,20 +116,24 @@ def check_records(
         warnings, unless contradictions are findings: then they are the result.
     """
     recordings = tuple(recordings)
+    of_map = [finding for flow in _distinct(flows) for finding in check_flow_map(flow)]
+    for finding in of_map if refuse else ():
+        if finding.name == ON_A_LINE:
+            raise ContradictionError(finding)
+    if any(finding.name in USELESS for finding in of_map):
+        flows = _NO_FLOWS  # what a record has beside such a map is no mistake of the record
     by_record = [
         check_recording(recording, bench, flows, entries)
         if refuse
         else _check_willingly(recording, bench, flows, entries)
         for recording in recordings
     ]
-    whole = [
-        *_check_copies(recordings, bench),
-        *(finding for flow in _distinct(flows) for finding in check_flow_map(flow)),
-    ]
     findings = merge_findings(
         [
+            *check_statements(bench, entries or ColumnEntries()),
             *(_unless_doubtful(item, by_record) for findings in by_record for item in findings),
-            *whole,
+            *_check_copies(recordings, bench),
+            *of_map,
         ]
     )
     for finding in findings if refuse else ():
@@ -227,6 +237,7 @@ def _findings(
     _check_clock(recording, bench)
     check_ranges(recording, bench, entries)
     yield from check_sensors(recording, bench)
+    yield from check_continuity(recording)
     if isinstance(bench, Bench):
         yield from check_supply(recording, bench, flows, entries)
         record = smoothed_record(recording)
