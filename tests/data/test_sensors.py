@@ -15,6 +15,7 @@ from pneumo_casadi.data import (
     check_recording,
     check_records,
 )
+from pneumo_casadi.data.checks.continuity import check_continuity
 from pneumo_casadi.data.checks.sensors import check_sensors
 from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.errors import CaseError
@@ -59,11 +60,6 @@ def test_a_single_row_far_off_is_named_with_its_value(recording, bench, channel,
     assert "(1 such row)" in finding.text
 
 
-def discontinuities(recording, bench):
-    quiet = replace(bench, noise=None)  # frozen sensors are none of its business
-    return [f for f in check_sensors(recording, quiet) if f.name in ("spike", "lost rows")]
-
-
 def without_rows(recording, first, count):
     """The record as a logger leaves it that lost rows and numbers those that are left."""
     kept = np.delete(np.arange(recording.N), slice(first, first + count))
@@ -73,8 +69,8 @@ def without_rows(recording, first, count):
 
 
 @pytest.mark.parametrize("first", [600, 1500, 2500])
-def test_rows_that_were_lost_show_though_the_clock_runs_on(recording, bench, first):
-    (finding,) = discontinuities(without_rows(recording, first, 40), bench)
+def test_rows_that_were_lost_show_though_the_clock_runs_on(recording, first):
+    (finding,) = check_continuity(without_rows(recording, first, 40))
     assert (finding.name, finding.grade) == ("lost rows", Grade.CAUTION)
     assert f"row {first + 1}: within one row `x` by " in finding.text
 
@@ -96,23 +92,23 @@ HARMLESS = {
 
 
 @pytest.mark.parametrize("name", [*HARMLESS])
-def test_what_real_sensors_do_is_neither_a_spike_nor_lost_rows(recording, bench, name):
+def test_what_real_sensors_do_is_neither_a_spike_nor_lost_rows(recording, name):
     changes = {channel: change(recording[channel]) for channel, change in HARMLESS[name].items()}
-    assert discontinuities(recording.with_channels(changes), bench) == []
+    assert list(check_continuity(recording.with_channels(changes))) == []
 
 
 @pytest.mark.parametrize("rows", [5, 20])
-def test_coarse_sampling_is_neither_a_spike_nor_lost_rows(recording, bench, rows):
+def test_coarse_sampling_is_neither_a_spike_nor_lost_rows(recording, rows):
     channels = {name: recording[name][::rows] for name in recording.names}
     slow = Recording(recording.t[::rows], channels, "slow", "simulated", recording.hold)
-    assert discontinuities(slow, bench) == []
+    assert list(check_continuity(slow)) == []
 
 
-def test_pressure_edges_of_single_milliseconds_are_no_spikes(recording, bench):
+def test_pressure_edges_of_single_milliseconds_are_no_spikes(recording):
     """A chamber of a few millilitres fills within some rows at 1 kHz."""
     k = np.arange(recording.N)
     edge = 3e5 * (1 - np.exp(-np.maximum(k - 1000, 0) / 2.0)) * (k < 1800)
-    assert discontinuities(recording.with_channels({"p_P": recording["p_P"] + edge}), bench) == []
+    assert list(check_continuity(recording.with_channels({"p_P": recording["p_P"] + edge}))) == []
 
 
 def test_coarse_quantisation_is_noted_with_its_step(recording, bench):

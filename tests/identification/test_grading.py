@@ -18,6 +18,7 @@ from pneumo_casadi.identification.warnings import (
     judge_usability,
     result_warnings,
 )
+from pneumo_casadi.report.tables.parameters import wls_half_width
 
 ORDER = list(Grade)
 
@@ -106,6 +107,24 @@ def test_a_position_that_is_not_from_mid_stroke_gives_a_negative_volume(quick):
     derived["l_DP"] = replace(derived["l_DP"], value=length, std=1e-3, std_robust=1e-3)
     (warning,) = [i for i in found_with(quick, derived=derived) if "dead volume" in i.text]
     assert warning.grade is Grade.SEVERE and "mid-stroke" in warning.text
+
+
+def test_a_dead_volume_of_half_the_stroke_asks_for_hoses_and_the_stroke(quick):
+    derived = dict(quick.output_error.derived)
+    for share, expected in ((0.3, []), (0.6, [Grade.NOTE])):  # of the stroke
+        length = share * quick.case.bench.stroke
+        derived["l_DN"] = replace(derived["l_DN"], value=length, std=1e-3, std_robust=1e-3)
+        warnings = found_with(quick, derived=derived)
+        assert [i.grade for i in warnings if "dead volume of chamber N" in i.text] == expected
+
+
+def test_wls_intervals_are_the_wider_of_ideal_and_robust_ones(quick):
+    wls, frame = quick.wls, quick.to_frame()
+    at = int(np.argmax(wls.std / wls.std_hac))
+    assert wls.std[at] > wls.std_hac[at]  # else the example tells nothing
+    assert wls_half_width(quick, wls.names[at]) == 2 * wls.std[at]
+    assert frame.wls_std[wls.names[at]] == wls.std[at]
+    assert (wls.wider_std >= wls.std).all() and (wls.wider_std >= wls.std_hac).all()
 
 
 def test_a_chamber_at_its_bound_is_severe_and_a_flow_coefficient_is_no_warning(quick):

@@ -82,6 +82,12 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
             caution=0.03,
             severe=0.1,
         ),
+        "large dead volume": Limit(
+            "dead length beyond its interval, over half the stroke [1]",
+            "a cylinder's own is a few per cent; as much as half the stroke are hoses on a small "
+            "or short cylinder, or a stroke that is stated too small",
+            note=1.0,
+        ),
         "polytropic": Limit(
             "distance of k from isothermal ... adiabatic, 1 ... 1.4, beyond its interval [1]",
             "no gas is outside; the form of the flow map shifts k by up to 0.03",

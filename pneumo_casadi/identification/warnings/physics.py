@@ -94,10 +94,18 @@ def _of_estimated_areas(case: Case, result: OutputErrorResult) -> Iterator[Resul
 def _of_dead_volumes(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
     for chamber in case.bench.kind.gas_chambers:
         name = f"l_D{chamber}"
-        length = result.derived[name].value
+        length, half_stroke = result.derived[name].value, result.axis.constants["stroke"] / 2
+        yield from limited(
+            "large dead volume",
+            (length - _half(result, name)) / half_stroke,
+            "physics",
+            f"The dead volume of chamber {chamber} computed from the fit is {1e3 * length:.0f} mm "
+            f"of the stroke, of which half is {1e3 * half_stroke:.0f} mm: are there hoses of that "
+            "volume, and is the stroke right?",
+        )
         yield from limited(
             "dead volume",
-            (-length - _half(result, name)) / (result.axis.constants["stroke"] / 2),
+            (-length - _half(result, name)) / half_stroke,
             "physics",
             f"The dead volume of chamber {chamber} computed from the fit is negative, "
             f"{1e3 * length:.1f} mm of the stroke: is x = 0 at mid-stroke, and the stroke right?",

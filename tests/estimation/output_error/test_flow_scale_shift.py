@@ -115,7 +115,7 @@ def test_the_robust_interval_contains_the_shift(made, start, record, monkeypatch
     shift = {}
 
     def given(problem, theta, records):
-        assert records == [record]
+        assert records == (record,)
         scaled = np.full(len(problem.free), 0.01)
         shift.update(zip(problem.free, scaled * problem.free_scales, strict=True))
         return scaled
