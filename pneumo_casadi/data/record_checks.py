@@ -116,21 +116,29 @@ def check_records(
         warnings, unless contradictions are findings: then they are the result.
     """
     recordings = tuple(recordings)
+    stated = tuple(check_statements(bench, entries or ColumnEntries()))
+    misread = {channel: finding for finding in stated for channel in finding.about.split(", ")}
     of_map = [finding for flow in _distinct(flows) for finding in check_flow_map(flow)]
     for finding in of_map if refuse else ():
         if finding.name == ON_A_LINE:
             raise ContradictionError(finding)
     if any(finding.name in USELESS for finding in of_map):
         flows = _NO_FLOWS  # what a record has beside such a map is no mistake of the record
-    by_record = [
-        check_recording(recording, bench, flows, entries)
-        if refuse
-        else _check_willingly(recording, bench, flows, entries)
-        for recording in recordings
-    ]
+    by_record: list[tuple[Finding, ...]] = []
+    for recording in recordings:
+        try:
+            by_record.append(check_recording(recording, bench, flows, entries))
+        except CaseError as error:
+            contradiction = _contradiction(error)
+            cause = misread.get(contradiction.about)  # what is stated of the channel comes first
+            if refuse and cause:
+                raise ContradictionError(cause) from error
+            if refuse:
+                raise
+            by_record.append(() if cause else (contradiction,))
     findings = merge_findings(
         [
-            *check_statements(bench, entries or ColumnEntries()),
+            *stated,
             *(_unless_doubtful(item, by_record) for findings in by_record for item in findings),
             *_check_copies(recordings, bench),
             *of_map,
@@ -201,19 +209,11 @@ def _shared_rows(keys: Sequence[NDArray[np.uint64]]) -> Iterator[tuple[int, int,
         yield int(i), int(j), float(shared) / float(min(sizes[i], sizes[j]))
 
 
-def _check_willingly(
-    recording: Recording,
-    bench: AnyBench,
-    flows: Mapping[str, MeteredFlow],
-    entries: ColumnEntries | None,
-) -> tuple[Finding, ...]:
-    """Return the findings of a record, a contradiction among them."""
-    try:
-        return check_recording(recording, bench, flows, entries)
-    except ContradictionError as error:
-        return (error.finding,)
-    except CaseError as error:
-        return (Finding(Grade.SEVERE, "contradiction", "record", str(error)),)
+def _contradiction(error: CaseError) -> Finding:
+    """Return what contradicts a record as a finding."""
+    if isinstance(error, ContradictionError):
+        return error.finding
+    return Finding(Grade.SEVERE, "contradiction", "record", str(error))
 
 
 def _unless_doubtful(finding: Finding, by_record: Sequence[Sequence[Finding]]) -> Finding:

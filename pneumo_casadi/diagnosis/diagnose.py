@@ -90,6 +90,7 @@ class DiagnosisOptions:
     def __post_init__(self) -> None:
         flow = IdentifyOptions(self.flow_form, self.degrees)
         object.__setattr__(self, "flow_form", flow.flow_form)
+        object.__setattr__(self, "degrees", flow.degrees)
 
 
 @one_thread

@@ -95,6 +95,7 @@ class IdentifyOptions:
         object.__setattr__(self, "flow_form", flow_form_of(self.flow_form))
         if self.degrees is not None:
             check_degrees(self.degrees)
+            object.__setattr__(self, "degrees", tuple(map(int, self.degrees)))
         for name, kind in (
             ("windows", "lengths [s], as (0.5,)"),
             ("effects", 'names, as ("hose",)'),
@@ -106,6 +107,7 @@ class IdentifyOptions:
         for window in self.windows:
             if not (_is_finite(window) and window > 0):
                 raise ModelError(f"windows: {window!r} s; give positive lengths in seconds")
+        object.__setattr__(self, "windows", tuple(map(float, self.windows)))
         for name in ("start", "end"):
             time = getattr(self, name)
             if time is not None and not _is_finite(time):

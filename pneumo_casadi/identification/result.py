@@ -130,8 +130,9 @@ class Identification(Presentable):
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: WLS and output error with their std, truth if known [SI].
 
-        Each std is the wider of the ideal and the robust one. WLS is NaN for a parameter that it
-        does not estimate; the std of a held parameter is 0.
+        The std is that of the tables: of output error the wider of the ideal and the robust one, of
+        WLS the robust one. WLS is NaN for a parameter that it does not estimate; the std of a held
+        parameter is 0.
         """
         index = pd.Index(self.parameter_names, name="parameter")
         wls = self.wls.to_frame().reindex(index)
@@ -139,7 +140,7 @@ class Identification(Presentable):
         frame = pd.DataFrame(
             {
                 "wls": wls["estimate"],
-                "wls_std": wls[["std", "std_hac"]].max(axis=1),
+                "wls_std": wls["std_hac"],
                 "output_error": fit["estimate"],
                 "output_error_std": fit[["std", "std_robust"]].max(axis=1),
                 "unit": fit["unit"],

@@ -72,6 +72,8 @@ def simulate_case(
         report(f"simulating {record.name}", i / len(chosen))
         run = loop_run(axis, record) if closed_loop else free_run(axis, record)
         of_record = f"the simulation of {record.name}"
+        if not closed_loop:
+            of_record += ", which drifts in open loop,"
         require_physical(axis.kind, axis.parameters, run.t, run.x, run.u, of_record)
         simulations.append(RecordSimulation(record, run))
     return tuple(simulations)

@@ -7,6 +7,7 @@ import re
 import pytest
 
 from pneumo_casadi.data import Grade, read_case
+from pneumo_casadi.data.case_folder import inspect_case
 from pneumo_casadi.errors import CaseError
 
 COLUMNS = ["t_s", "u_P_V", "u_N_V", "p_P_Pa", "p_N_Pa", "x_m", "x_ref_m"]
@@ -292,7 +293,7 @@ def test_a_missing_folder_is_named(tmp_path):
 
 
 def test_an_offset_in_bar_is_told_to_be_added_in_pascal(case_folder):
-    """Sensors in bar gauge, and 1 bar meant: 1 Pa was added."""
+    """Sensors in bar gauge, and 1 bar meant."""
 
     def gauge(row):
         for name in ("p_P_Pa", "p_N_Pa"):
@@ -318,4 +319,27 @@ def test_areas_stated_as_a_share_in_place_of_per_cent_are_questioned(case_folder
         finding.text
     )
     bench_json('"stroke_m"', '"area_accuracy_percent": 0.2, "stroke_m"')
+    assert read_case(folder).findings == ()
+
+
+def test_an_offset_in_mm_is_told_before_the_position_that_it_leaves(case_folder):
+    """A position from the end of the stroke, in mm, and 250 mm meant: all rows are out of range."""
+
+    def from_end(row):
+        row["x_m"] = 1e3 * float(row["x_m"]) + 250.0
+
+    folder = case_folder(cells(from_end))
+    entry = {"column": "x_m", "unit": "mm", "offset": -250}
+    (folder / "columns.json").write_text(json.dumps({"x_m": entry}))
+    with pytest.raises(CaseError, match=r"`offset` is in m, .* is -0\.25 m meant\?"):
+        read_case(folder)
+    (finding,) = inspect_case(folder).findings
+    assert finding.name == "offset in another unit"
+    assert finding.suggestion["x_m"]["offset"] == -0.25
+
+
+def test_an_offset_beside_a_calibrated_scale_is_in_its_unit(case_folder):
+    folder = case_folder(cells(lambda row: row.update(p_P_Pa=(float(row["p_P_Pa"]) - 1e5) / 1.02)))
+    entry = {"column": "p_P_Pa", "scale": 1.02, "offset": 1e5}
+    (folder / "columns.json").write_text(json.dumps({"p_P_Pa": entry}))
     assert read_case(folder).findings == ()

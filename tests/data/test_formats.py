@@ -203,6 +203,20 @@ def test_a_column_whose_channel_is_taken_elsewhere_serves_that_alone(tmp_path, c
     np.testing.assert_array_equal(read_recording(path, ZERO, both)["u_N"], -commands["u_P_V"])
 
 
+def test_a_column_is_not_named_for_a_channel_that_the_file_has_itself(tmp_path, commands):
+    path = write(tmp_path / "two.csv", commands)
+    with pytest.raises(CaseError, match="gives `u_P_V` for u_N_V too, which the file has"):
+        read_recording(path, ZERO, column_map({"u_N_V": "u_P_V"}))
+
+
+def test_decimal_commas_in_quotes_make_no_comment_of_the_first_line(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text('t_s,x_m\n"0,001","1,5"\n"0,002","1,6"\n')
+    with pytest.raises(CaseError) as error:
+        read_recording(path, ZERO)
+    assert "does not name the columns" not in str(error.value)
+
+
 def test_a_file_without_time_says_how_to_add_it(tmp_path, columns):
     del columns["t_s"]
     with pytest.raises(CaseError, match=r"add a column t_s = row / sampling frequency \(lost rows"):

@@ -3,11 +3,12 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pneumo_casadi.data import read_case
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.identification.flow_form import read_flow, resolve_flow_form
+from pneumo_casadi.identification.flow_form import read_flow, read_flow_maps, resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.read_result import read_axis
 from pneumo_casadi.identification.result_file import result_dict
@@ -21,6 +22,7 @@ from pneumo_casadi.valve import (
     FormError,
     FormSelection,
     Reason,
+    choose_flow_form,
 )
 
 
@@ -136,3 +138,13 @@ def test_degrees_that_the_map_does_not_bear_are_refused_not_left_out(case):
     too_high = IdentifyOptions(degrees=(20, 20, 20))
     with pytest.raises(CaseError, match=r"degrees \(20, 20, 20\): .* lower the degree"):
         resolve_flow_form(case, too_high)
+
+
+def test_degrees_that_the_whole_map_alone_bears_ask_for_the_form(case):
+    """Nine pressures bear degree 7; what is left of them without withheld ones does not."""
+    table, _ = read_flow_maps(case, case.bench)
+    pressures, commands = np.unique(table.p), np.unique(table.u)
+    few = np.isin(table.p, pressures[:: pressures.size // 8][:9])
+    few &= np.isin(table.u, commands[:: commands.size // 8][:9])
+    with pytest.raises(CaseError, match=r"the whole map bears them.*--flow polynomials"):
+        choose_flow_form(table.select(few), degrees=(7, 7, 4))

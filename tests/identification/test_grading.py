@@ -18,7 +18,7 @@ from pneumo_casadi.identification.warnings import (
     judge_usability,
     result_warnings,
 )
-from pneumo_casadi.report.tables.parameters import wls_half_width
+from pneumo_casadi.report.tables.parameters import output_error_half_width, wls_half_width
 
 ORDER = list(Grade)
 
@@ -118,13 +118,13 @@ def test_a_dead_volume_of_half_the_stroke_asks_for_hoses_and_the_stroke(quick):
         assert [i.grade for i in warnings if "dead volume of chamber N" in i.text] == expected
 
 
-def test_wls_intervals_are_the_wider_of_ideal_and_robust_ones(quick):
-    wls, frame = quick.wls, quick.to_frame()
-    at = int(np.argmax(wls.std / wls.std_hac))
-    assert wls.std[at] > wls.std_hac[at]  # else the example tells nothing
-    assert wls_half_width(quick, wls.names[at]) == 2 * wls.std[at]
-    assert frame.wls_std[wls.names[at]] == wls.std[at]
-    assert (wls.wider_std >= wls.std).all() and (wls.wider_std >= wls.std_hac).all()
+def test_the_frame_has_the_standard_deviations_of_the_tables(quick):
+    frame, wls = quick.to_frame(), quick.wls
+    names = [name for name in wls.names if name in quick.output_error.parameters.free_names]
+    for at, name in enumerate(wls.names):
+        assert 2 * frame.wls_std[name] == wls_half_width(quick, name) == 2 * wls.std_hac[at]
+    for name in names:
+        assert 2 * frame.output_error_std[name] == output_error_half_width(quick, name)
 
 
 def test_a_chamber_at_its_bound_is_severe_and_a_flow_coefficient_is_no_warning(quick):

@@ -1,5 +1,7 @@
 """Options that cannot be used are refused when they are made, before any work."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,7 @@ def test_numbers_of_numpy_and_lists_are_accepted():
         degrees=[7, 7, np.int64(4)], windows=np.array([0.5]), effects=["hose"], fixed={"M": np.pi}
     )
     assert options.windows == (0.5,) and options.effects == ("hose",)
+    assert json.loads(json.dumps([options.degrees, options.windows])) == [[7, 7, 4], [0.5]]
 
 
 def test_options_of_another_type_are_named_before_the_case_is_read():

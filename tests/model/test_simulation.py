@@ -69,7 +69,10 @@ def test_a_simulated_record_is_not_written_with_a_piston_beyond_its_stroke(axis,
     run = run_open_loop(axis, np.tile([2.0, -2.0], (1000, 1)), DT, np.array(X_0))
     monkeypatch.setattr(trajectory_file, "free_run", lambda *_: run)
     case = SimpleNamespace(validate=[SimpleNamespace(name="held out")])
-    with pytest.raises(ModelError, match=r"the simulation of held out at t = .* has no volume"):
+    with pytest.raises(
+        ModelError,
+        match=r"the simulation of held out, which drifts in open loop, at t = .* has no volume",
+    ):
         trajectory_file.simulate_case(axis, case, closed_loop=False)
 
 

@@ -56,7 +56,7 @@ def _spikes(recording: Recording, name: str, step: FloatArray, noise: float) -> 
             "spike",
             name,
             f"row {k + 1}: `{name}` = {values[k]:.6g} {unit} between {values[k - 1]:.6g} and "
-            f"{values[k + 1]:.6g} {unit}, {size[k - 1] / noise:.2g} times its noise "
+            f"{values[k + 1]:.6g} {unit}, {size[k - 1] / noise:.0f} times its noise or step "
             f"({rows.size} such row{'s' if rows.size > 1 else ''}); cut the record there, or "
             "correct the value.",
             source=recording.name,

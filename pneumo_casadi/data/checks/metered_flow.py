@@ -176,7 +176,7 @@ def _copies(flow: MeteredFlow, size: float) -> Iterator[Finding]:
     _, first, which = np.unique(points, axis=0, return_index=True, return_inverse=True)
     again = len(points) - np.unique(points[:, :2], axis=0).shape[0]
     copied = np.flatnonzero(first[which.ravel()] != np.arange(flowing.size))
-    quantum = float(np.diff(np.unique(np.abs(flow.q_m))).min())
+    quantum = float(np.diff(np.unique(flow.q_m)).min())
     if copied.size > MOSTLY * again and copied.size and quantum < COARSE * size:
         k = int(flowing[copied[0]])
         yield _finding(

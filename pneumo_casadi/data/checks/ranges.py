@@ -35,7 +35,7 @@ STROKE_MARGIN = 0.005  # share of the stroke by which a cushion or a sensor may 
 VACUUM_MARGIN = 0.1  # share of p_ext by which a chamber may fall below it
 OTHER_UNIT = 5.0  # beyond this multiple of its limit a value has another unit
 LARGEST = 1e9  # SI units: a thousand times the supply pressure, the largest signal of an axis
-BEST_BORE = 1e-3  # a bore of 32 mm to two hundredths; areas are known no better [1]
+BEST_BORE = 1e-3  # a bore of 32 mm known to 0.016 mm; hardly an area is known better [1]
 HALF_DECADE = 10**0.5  # of noise, by which units of lengths are told apart
 WIDESPREAD = 0.05  # share of the rows beyond which the column, not a spike, is wrong
 
@@ -49,28 +49,29 @@ def check_statements(bench: AnyBench, entries: ColumnEntries) -> Iterator[Findin
             Grade.CAUTION,
             "accuracy of the areas",
             "S_P, S_N",
-            f"`area_accuracy_percent` = {percent:g}: is {100 * percent:g} % meant? No bore is "
-            f"known to {percent:g} %; intervals of X_s come out too small for it.",
+            f"`area_accuracy_percent` = {percent:g}: is {100 * percent:g} % meant? It is "
+            "in per cent, and few bores are known so well; intervals of X_s depend on it.",
             "bench.json",
             {"area_accuracy_percent": float(f"{100 * percent:g}")},
         )
     ambient, stroke = getattr(bench, "p_ext", 0.0), bench.stroke or 0.0
     expected = dict.fromkeys(("p_P", "p_N", "p_supply"), ambient)
     expected |= dict.fromkeys(("x", "x_ref"), stroke / 2)
-    offsets = {name: entries.offset_in_own_unit(name, size) for name, size in expected.items()}
-    wrong = {name: offset for name, offset in offsets.items() if offset}
-    if wrong:
+    alike: dict[tuple[str, float, float], list[str]] = {}
+    for name, size in expected.items():
+        offset = entries.offset_in_own_unit(name, size)
+        if offset is not None:
+            alike.setdefault((UNITS[name], *offset), []).append(name)
+    for (unit, stated, meant), names in alike.items():
         suggestion: dict[str, Any] = {}
-        for name, (_, meant) in wrong.items():
+        for name in names:
             suggestion |= entries.corrected(name, offset=meant)
-        name, (stated, meant) = next(iter(wrong.items()))
         yield Finding(
             Grade.SEVERE,
             "offset in another unit",
-            ", ".join(wrong),
-            f"`offset` is in {UNITS[name]}, not in the unit of the column: {stated:g} "
-            f"{UNITS[name]} is added to {' and '.join(f'`{name}`' for name in wrong)}; is "
-            f"{meant:g} {UNITS[name]} meant?",
+            ", ".join(names),
+            f"`offset` is in {unit}, not in the unit of the column: {stated:g} {unit} is added to "
+            f"{' and '.join(f'`{name}`' for name in names)}; is {meant:g} {unit} meant?",
             "columns.json",
             suggestion,
         )
@@ -120,8 +121,7 @@ def _check_position(recording: Recording, bench: Bench, entries: ColumnEntries) 
     margin = STROKE_MARGIN * bench.stroke + (5 * bench.noise.x if bench.noise else 0.0)
     lower, upper = (bench.stroke_limits[0] - margin, bench.stroke_limits[1] + margin)
     x = recording["x"]
-    # Travel beyond the stroke is another unit, from wherever it counts.
-    far = max(np.abs(x).max() / OTHER_UNIT, np.ptp(x) / 2) > upper
+    far = max(np.abs(x).max(), np.ptp(x) / 2) > OTHER_UNIT * upper
     units = LENGTHS if far else {"m": (1.0, 0.0)}
     from_end = {
         f"{unit} from the end of the stroke (subtract l/2)": (scale, -bench.stroke / 2)
@@ -140,14 +140,11 @@ def _check_travel(recording: Recording, bench: ForceBench | PressureBench) -> No
     x = recording["x"]
     travel, k = float(np.ptp(x)), int(np.argmax(np.abs(x - x[0])))
     if travel > bench.stroke * (1 + STROKE_MARGIN):
+        unit = Quantity("m", 0.0, bench.stroke, LENGTHS).guess(travel)
+        other = unit if travel > OTHER_UNIT * bench.stroke else ""
         raise CaseError(
             f"{recording.where(k)}: `x` = {x[k]:g} m: the record travels {travel:g} m, the stroke "
-            f"is {bench.stroke:g} m; "
-            + (
-                Quantity("m", 0.0, bench.stroke, LENGTHS).guess(travel)
-                if travel > OTHER_UNIT * bench.stroke
-                else "correct x or the stroke"
-            )
+            f"is {bench.stroke:g} m; {other or 'correct x or the stroke'}"
         )
 
 

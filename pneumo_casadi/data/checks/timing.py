@@ -88,9 +88,9 @@ def rows_late_by_law(recording: Recording, controller: ProportionalController) -
     if int(unlimited.sum()) < 10 * MOST_ROWS:
         return 0
     rows_used = np.flatnonzero(unlimited) + MOST_ROWS
-    parts = np.array([x_ref, x, np.gradient(x)])
     rows = _best_delay(recording["u_P"], np.array([x_ref - x]), rows_used)
     if rows:
+        parts = np.array([x_ref, x, np.gradient(x)])
         columns = [np.ones(rows_used.size), *parts[:, rows_used - rows]]
         _, g_ref, g_x, g_v = least_squares(columns, recording["u_P"][rows_used])[0]
         # The gain of the speed over that of the reference is a delay of the position in rows.

@@ -93,8 +93,11 @@ class ColumnEntries:
         """
         _, column = self._read_from(channel)
         meant = abs(column.scale) * column.offset
-        near = abs(abs(meant) - abs(expected)) < NEAR * abs(expected)
-        return (column.offset, meant) if near and abs(column.scale) != 1.0 else None
+
+        def near(offset: float) -> bool:
+            return abs(abs(offset) - abs(expected)) < NEAR * abs(expected)
+
+        return (column.offset, meant) if near(meant) and not near(column.offset) else None
 
     def _from_one_command(self, channel: str) -> bool:
         named = {c.channel for spec in self.columns.values() for c in _as_columns(spec)}

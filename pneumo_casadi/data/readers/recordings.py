@@ -179,7 +179,13 @@ def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tup
         taken.add("u")  # which would be both of them
     for name in table.names:
         if name in COLUMNS and COLUMNS[name].channel not in taken:
-            meaning.append((name, COLUMNS[name]))  # it may serve another channel besides its own
+            replaced = _own_columns(table, columns.get(name))
+            if replaced:
+                raise CaseError(
+                    f"{table.path}: {COLUMNS_FILE} gives `{name}` for {', '.join(replaced)} too, "
+                    "which the file has; leave out one of the columns"
+                )
+            meaning.append((name, COLUMNS[name]))  # it serves another channel besides its own
             continue
         if name in columns:
             continue
@@ -192,6 +198,12 @@ def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tup
     if twice:
         raise CaseError(f"{table.path}: two columns for channel {', '.join(twice)}; name one")
     return meaning
+
+
+def _own_columns(table: Table, entry: ColumnSpec | None) -> list[str]:
+    """Return the columns of a file whose channels an entry takes from another column."""
+    channels = {column.channel for column in _as_columns(entry)} if entry else set()
+    return [name for name in table.names if name in COLUMNS and COLUMNS[name].channel in channels]
 
 
 def _as_columns(entry: ColumnSpec) -> Sequence[Column]:

@@ -178,7 +178,8 @@ def _header(path: Path, text: bytes) -> list[str]:
 
 def _check_comment(path: Path, line: str, below: Sequence[bytes]) -> None:
     """Refuse a first line that is a remark: one name where the line below has several, or a #."""
-    more = bool(below) and below[0].count(b",") > line.count(",")
+    quoted = bool(below) and b'"' in below[0]  # commas in quotes part no cells
+    more = bool(below) and not quoted and below[0].count(b",") > line.count(",")
     names = more and not any(map(_is_number, below[0].decode().split(",")))
     if ("," not in line and line.lstrip().startswith(("#", "%"))) or names:
         raise CaseError(

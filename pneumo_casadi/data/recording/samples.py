@@ -53,7 +53,9 @@ def noise_of(values: FloatArray) -> float:
     0.001
     """
     differences = np.diff(values, 4)
-    differences = differences[:: 1 + differences.size // ROWS_FOR_NOISE]
+    if differences.size > ROWS_FOR_NOISE:  # at uneven steps: a sensor may be read every n-th row
+        rows = np.linspace(0, differences.size - 1, ROWS_FOR_NOISE).astype(np.intp)
+        differences = differences[rows]
     deviation = float(np.median(np.abs(differences - np.median(differences))))
     return NORMAL_MAD * deviation / float(np.sqrt(70.0))
 

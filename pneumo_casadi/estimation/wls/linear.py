@@ -67,11 +67,6 @@ class LinearFit(Brief):
         return np.sqrt(np.diag(self.covariance_hac))
 
     @property
-    def wider_std(self) -> FloatArray:
-        """The larger of both standard deviations, shape (n,): what an interval is to state."""
-        return np.fmax(self.std, self.std_hac)
-
-    @property
     def relative_std_percent(self) -> FloatArray:
         """100 σ / ``|X̂|`` (eq. 17), shape (n,); infinite where the estimate is zero."""
         with np.errstate(divide="ignore"):

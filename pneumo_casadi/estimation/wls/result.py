@@ -119,11 +119,6 @@ class WLSResult(Presentable):
         return self.fit.std_hac
 
     @property
-    def wider_std(self) -> FloatArray:
-        """The larger of both standard deviations, shape (n,): what an interval is to state."""
-        return self.fit.wider_std
-
-    @property
     def two_sigma(self) -> FloatArray:
         """Half widths of the 95 % intervals as the paper prints them, shape (n,)."""
         return 2 * self.fit.std

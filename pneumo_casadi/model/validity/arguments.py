@@ -86,7 +86,7 @@ def check_clock(dt: float, lengths: FloatArray | None, N: int) -> None:
     ModelError
         Naming the value, and the sample.
     """
-    if not (np.ndim(dt) == 0 and np.isfinite(dt) and dt > 0):
+    if not (np.ndim(dt) == 0 and 0 < float(_numbers("dt", dt)) < np.inf):
         raise ModelError(f"dt: {dt} s; give the sampling period as a positive time in seconds")
     if lengths is None:
         return
@@ -95,7 +95,8 @@ def check_clock(dt: float, lengths: FloatArray | None, N: int) -> None:
             f"lengths: shape {np.shape(lengths)}, expected ({N - 1},), one of each interval "
             f"between {N} samples"
         )
-    backward = np.flatnonzero(~(lengths > 0))
+    lengths = _numbers("lengths", lengths)
+    backward = np.flatnonzero(~((lengths > 0) & np.isfinite(lengths)))
     if backward.size:
         k = int(backward[0])
         raise ModelError(

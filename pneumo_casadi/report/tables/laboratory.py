@@ -236,8 +236,7 @@ def estimate_table(content: Mapping[str, Any]) -> Table:
 
 def _wls(item: Mapping[str, Any], exponent: int) -> str:
     """Return an estimate of WLS; only its parameters have an interval that allows for all."""
-    widest = max(item["std"], item.get("std_hac", 0.0))
-    return interval_text(item["value"], 2 * widest, exponent)
+    return interval_text(item["value"], 2 * item.get("std_hac", item["std"]), exponent)
 
 
 def _interval(item: Mapping[str, Any], exponent: int) -> str:

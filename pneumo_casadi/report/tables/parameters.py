@@ -124,9 +124,9 @@ def wls_estimate(identification: Identification, name: str) -> tuple[float, floa
 
 
 def wls_half_width(identification: Identification, name: str) -> float:
-    """Return 2σ of a WLS estimate, the wider of eq. 16 and of correlated residuals and map."""
+    """Return 2σ of a WLS estimate, which allows for correlation and for the flow map's noise."""
     at = identification.wls.names.index(name)
-    return 2 * float(identification.wls.wider_std[at])
+    return 2 * float(identification.wls.std_hac[at])
 
 
 def output_error_half_width(identification: Identification, name: str) -> float | None:

@@ -210,8 +210,9 @@ def choose_flow_form(
         shown = None
         try:
             if form is FlowForm.POLYNOMIALS:
-                chosen_here = select_degrees(table, folds=folds).chosen if masks else PAPER_DEGREES
-                shown = degrees or chosen_here
+                shown = degrees or (
+                    select_degrees(table, folds=folds).chosen if masks else PAPER_DEGREES
+                )
             fit = _fit_of(form, table, T, shown or PAPER_DEGREES)
             squares[form] = np.array(
                 [
@@ -221,7 +222,7 @@ def choose_flow_form(
             )
         except PneumoError as error:
             if form is FlowForm.POLYNOMIALS and degrees is not None:
-                raise CaseError(f"degrees {degrees}: {error}") from None
+                raise _refused(table, degrees, error) from None
             compared[form] = FormError(form, shown, failure=str(error))
             continue
         compared[form] = _summarised(form, shown, squares[form], table.q_max)
@@ -231,6 +232,19 @@ def choose_flow_form(
     chosen, reason = _choose(squares)
     logger.info("flow map as %s: %s", chosen.value, reason.value)
     return FormSelection(chosen, reason, tuple(compared.values()), folds)
+
+
+def _refused(table: FlowMap, degrees: Degrees, error: PneumoError) -> CaseError:
+    """Return why polynomials of given degrees are not compared: for the map, or for its parts."""
+    try:
+        solve_polynomials(table, degrees)
+    except PneumoError as whole:
+        return CaseError(f"degrees {degrees}: {whole}")
+    return CaseError(
+        f"degrees {degrees}: the whole map bears them, what is left of it to compare forms on "
+        f"withheld points does not ({error}); lower them, or choose the form as well: "
+        "--flow polynomials, flow_form=FlowForm.POLYNOMIALS"
+    )
 
 
 def _masks(table: FlowMap, folds: int) -> tuple[int, Folds]:
