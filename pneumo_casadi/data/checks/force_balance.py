@@ -36,10 +36,14 @@ def check_force_balance(
 ) -> Iterator[Finding]:
     """Yield where the force balance holds better with the areas swapped, or with another mass."""
     yield from check_measured_force(record, bench, entries)
-    yield from _other_mass(record, bench)
+    drive = _pressure_force(record, bench.S_P, bench.S_N)
+    fit = _fit(record, drive)
+    if fit is None:
+        return
+    yield from _other_mass(record, bench, drive, fit)
     if abs(bench.S_P / bench.S_N - 1) < SINGLE_ROD:
         return
-    given, swapped = (_left(record, _pressure_force(record, *areas)) for areas in _both(bench))
+    given, swapped = fit.left, _left(record, _pressure_force(record, bench.S_N, bench.S_P))
     if given > LESS * swapped:
         yield Finding(
             Grade.SEVERE,
@@ -58,10 +62,11 @@ def check_driven_mass(
 ) -> Iterator[Finding]:
     """Yield what the force balance alone says of an axis that is driven by measured pressures."""
     yield from check_measured_force(record, bench, entries)
-    yield from _other_mass(record, bench)
-    fit = _fit(record, _pressure_force(record, bench.S_P, bench.S_N))
+    drive = _pressure_force(record, bench.S_P, bench.S_N)
+    fit = _fit(record, drive)
     if fit is None:
         return
+    yield from _other_mass(record, bench, drive, fit)
     source = record.recording.name
     if fit.friction < -CLEAR * fit.left and fit.M < 0:
         yield Finding(
@@ -115,14 +120,16 @@ def check_measured_force(
         )
 
 
-def _other_mass(record: SmoothedRecord, bench: Bench | PressureBench) -> Iterator[Finding]:
+def _other_mass(
+    record: SmoothedRecord, bench: Bench | PressureBench, drive: FloatArray, fit: "_Fit"
+) -> Iterator[Finding]:
     """Yield a finding where the record shows quite another mass than the data sheet states."""
     stated = bench.datasheet.get("M_kg")
-    fit = _fit(record, _pressure_force(record, bench.S_P, bench.S_N))
-    if not stated or fit is None or not fit.moved:
+    if not stated or fit.M <= 0 or 1 / OTHER_MASS < fit.M / stated < OTHER_MASS:
         return
-    if 1 / OTHER_MASS < fit.M / stated < OTHER_MASS:
-        return
+    without = _fit(record, drive, mass=False)
+    if without is None or without.left <= LESS * fit.left:
+        return  # the mass does not show
     yield Finding(
         Grade.SEVERE,
         "mass",
@@ -152,10 +159,6 @@ def effort_looks_gauge(
     return abs(constant - feigned) < abs(constant)
 
 
-def _both(bench: Bench) -> tuple[tuple[float, float], tuple[float, float]]:
-    return (bench.S_P, bench.S_N), (bench.S_N, bench.S_P)
-
-
 def _pressure_force(record: SmoothedRecord, S_P: float, S_N: float) -> FloatArray:
     """Return S_P p_P − S_N p_N [N]."""
     areas = {"P": S_P, "N": -S_N}
@@ -172,18 +175,18 @@ def _left(record: SmoothedRecord, drive: FloatArray, force_sign: float = 1.0) ->
 class _Fit:
     """Coefficients of the force balance: constant [N], mass [kg], friction [N]; what is left [N].
 
-    The friction is that at the mean speed of the moving time. `moved` tells whether the mass shows:
-    without it more would be left.
+    The friction is that at the mean speed of the moving time.
     """
 
     constant: float
     M: float
     friction: float
     left: float
-    moved: bool
 
 
-def _fit(record: SmoothedRecord, drive: FloatArray, force_sign: float = 1.0) -> _Fit | None:
+def _fit(
+    record: SmoothedRecord, drive: FloatArray, force_sign: float = 1.0, mass: bool = True
+) -> _Fit | None:
     inner = record.inner
     moving = np.abs(record.v[inner]) > SLOWEST
     if int(moving.sum()) < FEWEST_BLOCKS:
@@ -193,10 +196,8 @@ def _fit(record: SmoothedRecord, drive: FloatArray, force_sign: float = 1.0) -> 
     if "F_load" in record.recording:
         measured = record.smooth(record.recording["F_load"])[inner][moving]
         effort = effort + force_sign * measured
-    others = [np.ones_like(v), v, np.sign(v)]
-    (constant, f_v, F_c, M), share = least_squares([*others, a], effort)
-    _, without = least_squares(others, effort)
+    columns = [np.ones_like(v), v, np.sign(v), *([a] if mass else [])]
+    (constant, f_v, F_c, *M), share = least_squares(columns, effort)
     friction = F_c + f_v * float(np.abs(v).mean())
     left = float(np.sqrt(share * effort.var()))
-    moved = bool(M > 0 and without > LESS**2 * share)  # shares are of squares
-    return _Fit(float(constant), float(M), float(friction), left, moved)
+    return _Fit(float(constant), float(M[0]) if mass else 0.0, float(friction), left)

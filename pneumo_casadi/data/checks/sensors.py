@@ -11,6 +11,7 @@ from pneumo_casadi.data.bench.controllers import (
     ProportionalController,
 )
 from pneumo_casadi.data.bench.driven_bench import AnyBench
+from pneumo_casadi.data.bench.sensor_noise import SensorNoise
 from pneumo_casadi.data.bench.valve_source import Arrangement
 from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.recording.channels import UNITS, column_name
@@ -47,12 +48,14 @@ def check_sensors(recording: Recording, bench: AnyBench) -> Iterator[Finding]:
         _check_alive(recording, channel)
     for channel in bench.kind.outputs:
         sigma = None if bench.noise is None else bench.noise.of(channel)
-        clipped = tuple(_clipped(recording, channel))
+        noise = noise_of(recording[channel])
+        rounded = noise < NOISY * quantisation_step(recording[channel])
+        clipped = () if rounded else tuple(_clipped(recording, channel))
         yield from clipped
         if sigma is not None and not clipped:
             yield from _frozen(recording, channel, sigma)
-        if sigma:
-            yield from _off_the_stated_noise(recording, bench, channel, sigma)
+        if bench.noise is not None and noise and not rounded:
+            yield from _off_the_stated_noise(recording, bench.noise, channel, noise)
     controller = bench.controller
     if "x_ref" not in recording or isinstance(controller, NoController | NestedController):
         return
@@ -110,8 +113,6 @@ def _frozen(recording: Recording, channel: str, sigma: float) -> Iterator[Findin
 def _clipped(recording: Recording, channel: str) -> Iterator[Finding]:
     """Yield a channel that stays exactly at its extreme value although it is noisy, repeatedly."""
     values = recording[channel]
-    if noise_of(values) < NOISY * quantisation_step(values):
-        return
     for limit, side in ((values.max(), "upper"), (values.min(), "lower")):
         at_limit = np.flatnonzero(values == limit)
         stretches = np.split(at_limit, np.flatnonzero(np.diff(at_limit) > 1) + 1)
@@ -195,17 +196,11 @@ def _off_the_law(recording: Recording, controller: ProportionalController) -> It
 
 
 def _off_the_stated_noise(
-    recording: Recording, bench: AnyBench, channel: str, stated: float
+    recording: Recording, stated: SensorNoise, channel: str, sigma: float
 ) -> Iterator[Finding]:
     """Yield that a sensor has other noise than stated: its accuracy hides the misfit of a model."""
-    sigma = noise_of(recording[channel])
-    rounded = sigma < NOISY * quantisation_step(recording[channel])  # told as such where it matters
-    if (
-        bench.noise is None
-        or rounded
-        or not sigma
-        or 1 / NOISE_RATIO < sigma / stated < NOISE_RATIO
-    ):
+    expected = stated.of(channel)
+    if not expected or 1 / NOISE_RATIO < sigma / expected < NOISE_RATIO:
         return
     key = "p_Pa" if channel in ("p_P", "p_N") else column_name(channel)
     yield Finding(
@@ -213,8 +208,8 @@ def _off_the_stated_noise(
         "stated noise",
         channel,
         f"`{channel}` has noise of {sigma:.3g} {UNITS[channel]} per sample, the bench states "
-        f"{stated:.3g}: what a model leaves is held against the noise stated; correct it.",
+        f"{expected:.3g}: what a model leaves is held against the noise stated; correct it.",
         "bench.json",
-        {"sensor_noise": noise_content(bench.noise) | {key: float(f"{sigma:.3g}")}},
+        {"sensor_noise": noise_content(stated) | {key: float(f"{sigma:.3g}")}},
         recording.name,
     )

@@ -159,9 +159,16 @@ def _header(path: Path, text: bytes) -> list[str]:
             f"{path}: line 1 separates columns by semicolon or tab; use commas between columns "
             "and a point in numbers"
         )
-    first_row = text.split(b"\n", 2)[1:2]
-    _check_comment(path, line, first_row)
-    if first_row and b'"' not in first_row[0] and first_row[0].count(b",") > line.count(","):
+    first_row = next(iter(text.split(b"\n", 2)[1:2]), b"")
+    # Commas in quotes part no cells.
+    more = b'"' not in first_row and first_row.count(b",") > line.count(",")
+    remark = "," not in line and line.lstrip().startswith(("#", "%"))
+    if remark or (more and not any(map(_is_number, first_row.decode().split(",")))):
+        raise CaseError(
+            f"{path}: line 1, {shown(line.strip()[:60])}, does not name the columns; delete the "
+            "lines before the one that does, and any other comments"
+        )
+    if more:
         raise CaseError(
             f"{path}: row 1 (line 2) has more cells than line 1 names columns; use commas between "
             "columns only, and a point in numbers"
@@ -174,18 +181,6 @@ def _header(path: Path, text: bytes) -> list[str]:
         )
     _check_unique(path, names)
     return names
-
-
-def _check_comment(path: Path, line: str, below: Sequence[bytes]) -> None:
-    """Refuse a first line that is a remark: one name where the line below has several, or a #."""
-    quoted = bool(below) and b'"' in below[0]  # commas in quotes part no cells
-    more = bool(below) and not quoted and below[0].count(b",") > line.count(",")
-    names = more and not any(map(_is_number, below[0].decode().split(",")))
-    if ("," not in line and line.lstrip().startswith(("#", "%"))) or names:
-        raise CaseError(
-            f"{path}: line 1, {shown(line.strip()[:60])}, does not name the columns; delete the "
-            "lines before the one that does, and any other comments"
-        )
 
 
 def _is_number(cell: str) -> bool:
